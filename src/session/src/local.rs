@@ -136,7 +136,11 @@ impl Source for LocalCity {
                 self.commands.extend(order.vehicle().zip(order.vehicle_command()));
             }
             // The session stops the clock at a goal.
-            Order::Pause | Order::Speed(_) | Order::RunUntil(_) | Order::TellPlans(_) | Order::TellDecisions(_) => {}
+            Order::Pause
+            | Order::Speed(_)
+            | Order::RunUntil(_)
+            | Order::TellPlans(_)
+            | Order::TellDecisions(_) => {}
         }
         Ok(())
     }

@@ -1,8 +1,10 @@
 //! The large view of the city: picture, overlays, and mouse control.
 
 use super::layers::{self, Canvas};
-use super::{PictureRequest, PictureSlot, UiState, ViewModel, map, theme};
+use super::vehicle_menu::{MenuSubject, VehicleMenu};
+use super::{PictureRequest, PictureSlot, UiState, ViewModel, legend, map, overlay, rulers, theme};
 use city3d_protocol::snapshot::{Status, VehicleId};
+use city3d_sensors::PictureKind;
 use city3d_session::RunPhase;
 use egui::emath::GuiRounding as _;
 use egui::{Align2, Color32, FontId, PointerButton, Pos2, Rect, Response, RichText, Sense, Ui};
@@ -24,20 +26,17 @@ pub fn show(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>) {
     state.viewpoint.begin(shown.interpolated, shown.map, shown.control_zones);
     state.viewpoint.show_whole(shown.interpolated, extent, shown.walls);
     let view = state.viewpoint.view(shown.interpolated, extent);
-    state.pictures.push(PictureRequest { slot: PictureSlot::City, view });
+    state.pictures.push(PictureRequest { slot: PictureSlot::City, view, kind: PictureKind::Rgb });
     super::paint_picture(ui, rect, shown, PictureSlot::City);
     let canvas = Canvas::new(ui, &view, rect);
-    if let (true, Some(at)) =
-        (response.clicked() || response.double_clicked(), response.interact_pointer_pos())
-    {
-        let picked = pick(&canvas, shown, at);
-        state.selection.vehicle = picked;
-        state.table.reveal = picked.is_some();
-        if response.double_clicked() && picked.is_some() {
-            state.selection.follow = picked;
-        }
-    }
+    let pointed = response.hover_pos();
+    state.measure.point_at(pointed.and_then(|at| canvas.ground_at(at)));
+    act_on_clicks(&response, &canvas, state, shown);
+    state.overlay = overlay::build(state, shown, &canvas);
     layers::paint(&canvas, state, shown);
+    state.measure.paint(&canvas);
+    rulers::paint(&canvas, state, shown, pointed);
+    legend::paint(ui, rect, state, shown);
     if state.layers.map {
         map::show(ui, rect, state, shown);
     }
@@ -48,6 +47,26 @@ pub fn show(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>) {
     // Below the name of the followed vehicle.
     let below = if state.viewpoint.follow.is_some() { 34.0 } else { 0.0 };
     notice(ui, free.with_min_y(free.top() + below), state);
+}
+
+/// Selects, follows, measures, and opens the menu.
+fn act_on_clicks(response: &Response, canvas: &Canvas<'_>, state: &mut UiState, shown: &ViewModel<'_>) {
+    let Some(at) = response.interact_pointer_pos() else { return };
+    let ground = canvas.ground_at(at);
+    if response.secondary_clicked() {
+        let vehicle = pick(canvas, shown, at).map(MenuSubject::Vehicle);
+        state.menu = vehicle.or(ground.map(MenuSubject::Place)).map(VehicleMenu::of);
+    }
+    let is_clicked = response.clicked() || response.double_clicked();
+    if !is_clicked || state.measure.click(ground) {
+        return;
+    }
+    let picked = pick(canvas, shown, at);
+    state.selection.vehicle = picked;
+    state.table.reveal = picked.is_some();
+    if response.double_clicked() && picked.is_some() {
+        state.selection.follow = picked;
+    }
 }
 
 /// Resolution of the picture, reduced to the pixel budget.
@@ -124,7 +143,9 @@ fn dashboard(ui: &Ui, rect: Rect, state: &UiState, shown: &ViewModel<'_>) {
                     ui.set_width(320.0_f32.min(rect.width() - 24.0).max(80.0));
                     ui.label(RichText::new(speed).size(30.0).strong());
                     ui.label(format!("{gear}   {arrows}"));
-                    if let Some(trouble) = trouble(vehicle.status, &shown.run_state.phase, pedals.reverse) {
+                    let trouble = trouble(vehicle.status, &shown.run_state.phase, pedals.reverse);
+                    let left = || map::way_back(shown.map, vehicle.position.truncate());
+                    if let Some(trouble) = trouble.map(str::to_owned).or_else(left) {
                         ui.label(RichText::new(trouble).strong().color(ui.visuals().warn_fg_color));
                     }
                     if driving.is_by_device() {

@@ -88,7 +88,12 @@ fn is_of_widgets(key: Key) -> bool {
 /// Keys pressed since the last frame, and whether they are key repeats.
 fn pressed(ui: &Ui) -> Vec<(Key, Modifiers, bool)> {
     let of = |event: &Event| match *event {
-        Event::Key { key, pressed: true, repeat, modifiers, .. } => Some((key, modifiers, repeat)),
+        Event::Key { key, physical_key, pressed: true, repeat, modifiers } => {
+            // With Shift a digit is another character.
+            let digit = physical_key.filter(|key| (Key::Num0..=Key::Num9).contains(key));
+            let key = digit.filter(|_| modifiers.command && modifiers.shift).unwrap_or(key);
+            Some((key, modifiers, repeat))
+        }
         _ => None,
     };
     ui.input(|input| input.events.iter().filter_map(of).collect())

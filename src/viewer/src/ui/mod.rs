@@ -4,6 +4,7 @@
 mod bar;
 mod charts;
 mod city;
+mod colouring;
 mod commands;
 mod control_zones;
 mod controllers;
@@ -11,29 +12,37 @@ mod drive;
 mod events;
 mod gaze;
 mod help;
+mod inspector;
 mod keys;
 mod layers;
 mod layout;
+mod legend;
 mod link;
 mod live_traffic;
 mod map;
+mod measure;
 mod occlusion;
+mod overlay;
 mod palette;
 mod panels;
 mod plans;
 mod preview;
+mod rulers;
 mod run_until;
 pub mod runs;
 mod settings;
 mod status;
 mod theme;
 mod timeline;
+mod tracks;
 mod traffic;
+mod vehicle_menu;
 mod vehicles;
 mod video;
 mod viewpoint;
 
 pub use charts::{ChartKind, ChartSpan, ChartState, ChartView};
+pub use colouring::ColourBy;
 pub use commands::{Command, SECTIONS, Section, Shortcut};
 pub use control_zones::{ControlZoneArea, ZoneStretch};
 pub use drive::ManualDrive;
@@ -41,6 +50,7 @@ pub use events::{EventFilter, announcement, event_words};
 pub use layers::Layers;
 pub use layout::{Layout, StoredLayout};
 pub use live_traffic::LiveTraffic;
+pub use measure::Measure;
 pub use palette::Palette;
 pub use panels::Panel;
 pub use preview::{KEPT_S, Preview, PreviewCamera, ScenarioCamera};
@@ -48,15 +58,18 @@ pub use run_until::RunUntilState;
 pub use status::is_off_lanes;
 pub use theme::{Preferences, SpeedUnit, StatusColours, Theme, ground};
 pub use timeline::{ShownTime, TimelineRange, TimelineView};
+pub use tracks::{TrackPoint, Tracks};
+pub use vehicle_menu::{MenuSubject, VehicleMenu};
 pub use vehicles::TableState;
 pub use video::{VideoKind, VideoStatus};
-pub use viewpoint::{CameraMode, Viewpoint};
+pub use viewpoint::{Bookmark, Bookmarks, CameraMode, Viewpoint};
 
 use crate::cockpit::{Devices, SteeringGeometry};
 use city3d_protocol::snapshot::{FrameSnapshot, VehicleId};
+use city3d_render::Overlay;
 use city3d_roadmap::{CityMap, LaneId};
 use city3d_scene::Wall;
-use city3d_sensors::View;
+use city3d_sensors::{PictureKind, View};
 use city3d_session::playback::{PlaybackCommand, Playhead, TimelineMark};
 use city3d_session::{Order, RunHistory, RunState};
 use serde::{Deserialize, Serialize};
@@ -207,6 +220,8 @@ pub struct PictureRequest {
     pub slot: PictureSlot,
     /// Camera and resolution of the picture, city frame.
     pub view: View,
+    /// What its pixels show.
+    pub kind: PictureKind,
 }
 
 /// An action of the user that the panels do not carry out themselves.
@@ -321,6 +336,9 @@ pub struct OpenPanels {
     /// Quantities over time and figures (F6).
     #[serde(skip)]
     pub charts: bool,
+    /// Why the selected vehicle does what it does (I).
+    #[serde(skip)]
+    pub inspector: bool,
 }
 
 impl Default for OpenPanels {
@@ -335,6 +353,7 @@ impl Default for OpenPanels {
             events: false,
             traffic: false,
             charts: false,
+            inspector: false,
         }
     }
 }
@@ -388,6 +407,14 @@ pub struct UiState {
     pub notice: Option<(String, f64)>,
     /// The pictures that this frame needs.
     pub pictures: Vec<PictureRequest>,
+    /// Lines and surfaces in the city, over the picture of the large view.
+    pub overlay: Overlay,
+    /// The menu of a vehicle or a place.
+    pub menu: Option<VehicleMenu>,
+    /// The measure tool.
+    pub measure: Measure,
+    /// Stored cameras of the large view.
+    pub bookmarks: Bookmarks,
 }
 
 impl UiState {
@@ -417,6 +444,10 @@ impl UiState {
             runs: runs::RunPanels::default(),
             notice: None,
             pictures: Vec::new(),
+            overlay: Overlay::default(),
+            menu: None,
+            measure: Measure::default(),
+            bookmarks: Bookmarks::default(),
         }
     }
 
@@ -426,6 +457,7 @@ impl UiState {
         next.table = std::mem::take(&mut self.table);
         (next.layers, next.preferences) = (self.layers, self.preferences);
         next.devices = std::mem::take(&mut self.devices);
+        next.bookmarks = std::mem::take(&mut self.bookmarks);
         (next.layout, next.open) = (std::mem::take(&mut self.layout), self.open);
         next.runs.start_page.fields = self.runs.start_page.fields.clone();
         next.runs.last_folder = self.runs.last_folder.take();
@@ -438,13 +470,18 @@ impl UiState {
         self.previews.retain(|preview| preview.vehicle != vehicle);
         if self.previews.len() == count {
             self.open.cameras = true;
-            self.previews.push(Preview { vehicle, eye: PreviewCamera::default() });
+            self.previews.push(Preview::new(vehicle));
         }
     }
 
     /// Whether something on display needs the plans of coordinated vehicles.
     pub fn shows_plans(&self) -> bool {
         self.layers.plans || self.open.traffic || !self.previews.is_empty()
+    }
+
+    /// Whether something on display needs the decisions of the control framework.
+    pub fn shows_decisions(&self) -> bool {
+        self.open.inspector || self.layers.measured
     }
 
     /// The vehicle that the user drives.
@@ -544,6 +581,7 @@ pub fn show(ui: &mut egui::Ui, state: &mut UiState, shown: &ViewModel<'_>) -> Ve
         state.devices.stop_learning();
     }
     egui::CentralPanel::no_frame().show(ui, |ui| layout::show(ui, state, shown, &mut actions));
+    vehicle_menu::show(ui, state, shown, &mut actions);
     settings::window(ui, state);
     help::window(ui, state, shown);
     runs::show(ui, state, shown, &mut actions);

@@ -1,8 +1,8 @@
 //! The panels around and over the city. A panel is one entry: its title, where it opens first, and what it shows.
 
 use super::{
-    UiAction, UiState, ViewModel, charts, city, controllers, events, layers, preview, timeline, traffic,
-    vehicles,
+    UiAction, UiState, ViewModel, charts, city, controllers, events, inspector, layers, preview, timeline,
+    traffic, vehicles,
 };
 use egui::Ui;
 use serde::{Deserialize, Serialize};
@@ -27,6 +27,8 @@ pub enum Panel {
     Layers,
     /// Mapping of gamepads and steering wheels.
     Controllers,
+    /// Why the selected vehicle does what it does.
+    Inspector,
 }
 
 /// Where a panel opens first.
@@ -54,7 +56,7 @@ pub(super) struct PanelEntry {
     pub show: fn(&mut Ui, &mut UiState, &ViewModel<'_>, &mut Vec<UiAction>),
 }
 
-pub(super) static ALL: [PanelEntry; 8] = [
+pub(super) static ALL: [PanelEntry; 9] = [
     PanelEntry {
         panel: Panel::City,
         title: "City",
@@ -117,7 +119,7 @@ pub(super) static ALL: [PanelEntry; 8] = [
         panel: Panel::Layers,
         title: "Layers",
         home: Home::Floating,
-        size: [270.0, 200.0],
+        size: [470.0, 260.0],
         is_open: |state| state.open.layers,
         close: |state| state.open.layers = false,
         show: |ui, state, _, _| layers::show(ui, state),
@@ -130,6 +132,15 @@ pub(super) static ALL: [PanelEntry; 8] = [
         is_open: |state| state.open.controllers,
         close: |state| state.open.controllers = false,
         show: |ui, state, _, actions| controllers::show(ui, state, actions),
+    },
+    PanelEntry {
+        panel: Panel::Inspector,
+        title: "Inspector",
+        home: Home::Floating,
+        size: [330.0, 350.0],
+        is_open: |state| state.open.inspector,
+        close: |state| state.open.inspector = false,
+        show: inspector::show,
     },
 ];
 

@@ -5,7 +5,7 @@ use super::vehicles::tenths;
 use super::{PictureRequest, PictureSlot, UiAction, UiState, ViewModel, commands, plans, status, theme};
 use city3d_geometry::{LengthScale, trig};
 use city3d_protocol::snapshot::{FrameSnapshot, Status, VehicleId, VehicleState};
-use city3d_sensors::{Camera, Lens, Mount, MountPoint, View};
+use city3d_sensors::{Camera, Lens, Mount, MountPoint, PictureKind, View};
 use egui::emath::GuiRounding as _;
 use egui::{Align, Align2, Color32, ComboBox, FontId, Layout, Rangef, RichText, Sense, Ui, Vec2};
 use egui_plot::{AxisHints, GridMark, Line, Plot, PlotPoints};
@@ -90,9 +90,33 @@ pub struct Preview {
     pub vehicle: VehicleId,
     /// Camera of the picture.
     pub eye: PreviewCamera,
+    /// What the pixels of the picture show.
+    pub kind: PictureKind,
 }
 
+/// Kinds of pictures and their names in the list.
+const KINDS: [(PictureKind, &str); 4] = [
+    (PictureKind::Rgb, "colour"),
+    (PictureKind::Depth, "depth"),
+    (PictureKind::Semantic, "semantic classes"),
+    (PictureKind::Instance, "instances"),
+];
+
 impl Preview {
+    /// A panel with the usual camera, in colour.
+    pub fn new(vehicle: VehicleId) -> Self {
+        Self { vehicle, eye: PreviewCamera::default(), kind: PictureKind::Rgb }
+    }
+
+    /// Camera and kind in the list.
+    fn label(&self, cameras: &[ScenarioCamera]) -> String {
+        let eye = self.eye.label(cameras);
+        match KINDS.iter().find(|(kind, _)| *kind == self.kind) {
+            Some((kind, name)) if *kind != PictureKind::Rgb => format!("{eye}, {name}"),
+            _ => eye,
+        }
+    }
+
     /// The view of its camera, with the lens of `city3d frames` or of the camera sensor.
     pub fn view(&self, seen: &FrameSnapshot, cameras: &[ScenarioCamera], extent: [u32; 2]) -> Option<View> {
         let lens = self.eye.own(cameras).map_or_else(Lens::default, |own| own.lens);
@@ -193,7 +217,7 @@ fn show(
     ui.horizontal_wrapped(|ui| {
         let cameras = shown.cameras_of(preview.vehicle);
         ComboBox::from_id_salt("eye")
-            .selected_text(preview.eye.label(cameras))
+            .selected_text(preview.label(cameras))
             .width(90.0)
             .show_ui(ui, |ui| {
                 for (eye, label) in PreviewCamera::ALL {
@@ -207,9 +231,13 @@ fn show(
                     ui.selectable_value(&mut preview.eye, own, own.label(cameras))
                         .on_hover_text("A camera that the scenario gives this vehicle");
                 }
+                ui.separator();
+                for (kind, name) in KINDS {
+                    ui.selectable_value(&mut preview.kind, kind, name);
+                }
             })
             .response
-            .on_hover_text("Where the picture is taken from");
+            .on_hover_text("Where the picture is taken from, and what it shows");
         if shown.replay.is_none() {
             drive_button(ui, (preview.vehicle, shown), state, actions);
         }
@@ -257,7 +285,7 @@ fn picture(ui: &mut Ui, (preview, aspect): (&Preview, f32), shown: &ViewModel<'_
     let slot = PictureSlot::Preview(preview.vehicle);
     let extent = super::pixels(size, per_point);
     if let Some(view) = preview.view(shown.interpolated, shown.cameras_of(preview.vehicle), extent) {
-        state.pictures.push(PictureRequest { slot, view });
+        state.pictures.push(PictureRequest { slot, view, kind: preview.kind });
     }
     super::paint_picture(ui, rect, shown, slot);
 }

@@ -1,5 +1,6 @@
 //! The table of all vehicles.
 
+use super::vehicle_menu::{MenuSubject, VehicleMenu};
 use super::{DriverNames, Selection, SpeedUnit, UiState, ViewModel, status, theme};
 use city3d_geometry::LengthScale;
 use city3d_protocol::snapshot::{FrameSnapshot, Status, VehicleId};
@@ -244,17 +245,22 @@ pub fn show(ui: &mut Ui, shown: &ViewModel<'_>, state: &mut UiState) {
         return;
     }
     let units = (state.preferences.units, shown.scale());
-    grid(ui, &listed, (snapshot, map, units), table, selection);
+    let asked = grid(ui, &listed, (snapshot, map, units), table, selection);
+    if let Some(id) = asked {
+        state.menu = Some(VehicleMenu::of(MenuSubject::Vehicle(id)));
+    }
 }
 
+/// Shows the rows; returns the vehicle whose menu is asked for.
 fn grid(
     ui: &mut Ui,
     shown: &[VehicleRow<'_>],
     (snapshot, map, units): (&FrameSnapshot, &CityMap, (SpeedUnit, LengthScale)),
     table: &mut TableState,
     selection: &mut Selection,
-) {
+) -> Option<VehicleId> {
     by_keys(ui, shown, table, selection);
+    let mut asked = None;
     // A click on a text of a row means the row.
     ui.style_mut().interaction.selectable_labels = false;
     let spacing = ui.spacing().item_spacing.x;
@@ -297,6 +303,9 @@ fn grid(
                 if response.double_clicked() {
                     selection.follow = Some(row.id);
                 }
+                if response.secondary_clicked() {
+                    asked = Some(row.id);
+                }
                 response.on_hover_ui(|ui| {
                     let found = snapshot.vehicle(row.id).zip(snapshot.info(row.id));
                     let why = found.map(|(vehicle, info)| status::reason(vehicle, info, map));
@@ -305,6 +314,7 @@ fn grid(
                 });
             });
         });
+    asked
 }
 
 /// The rows as one stop of the Tab key: Up and Down move the selection.

@@ -2,9 +2,12 @@
 
 #![allow(clippy::disallowed_methods, reason = "cameras draw; no state of a run depends on them")]
 
+mod bookmark;
 mod first_view;
 #[cfg(test)]
 mod tests;
+
+pub use bookmark::{Bookmark, Bookmarks};
 
 use super::gaze::Gaze;
 use super::occlusion;

@@ -319,7 +319,7 @@ impl OpenWindow {
             self.window.set_title(&title);
             self.title = title;
         }
-        self.painter.draw(self.viewer.interpolated(), self.viewer.pictures())?;
+        self.painter.draw(self.viewer.interpolated(), self.viewer.pictures(), self.viewer.overlay())?;
         self.present(output);
         let requests = self.viewer.act(actions, self.egui.input(|input| input.time));
         for request in requests {

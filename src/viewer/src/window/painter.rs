@@ -4,7 +4,7 @@ use super::WindowError;
 use crate::ui::{self, Look, PictureRequest, PictureSlot, QualityPreset};
 use city3d_protocol::snapshot::FrameSnapshot;
 use city3d_render::{
-    BakedTextures, Context, Daylight, Image, Quality, Renderer, Settings, TargetView, read_texture,
+    BakedTextures, Context, Daylight, Image, Overlay, Quality, Renderer, Settings, TargetView, read_texture,
 };
 use city3d_scene::SceneDescription;
 use city3d_simulation::scenario::Experiment;
@@ -21,8 +21,8 @@ pub struct WindowPainter {
     /// Format of the targets.
     format: wgpu::TextureFormat,
     slots: BTreeMap<PictureSlot, Texture>,
-    /// Snapshot and pictures in the textures: equal ones are not drawn again.
-    drawn: Option<(FrameSnapshot, Vec<PictureRequest>)>,
+    /// Snapshot, pictures and overlay in the textures: equal ones are not drawn again.
+    drawn: Option<(FrameSnapshot, Vec<PictureRequest>, Overlay)>,
 }
 
 /// Texture of a picture. The city's shaders encode sRGB themselves, so its format is linear.
@@ -82,12 +82,20 @@ impl WindowPainter {
         self.slots.iter().map(|(slot, texture)| (*slot, texture.id)).collect()
     }
 
-    /// Draws the pictures of a frame, all of one snapshot; unchanged ones are not drawn again.
+    /// Draws the pictures of a frame, all of one snapshot; unchanged ones are not drawn again. The overlay lies over the city.
     ///
     /// # Errors
     /// When the adapter cannot draw a view or a vehicle.
-    pub fn draw(&mut self, snapshot: &FrameSnapshot, pictures: &[PictureRequest]) -> Result<(), WindowError> {
-        if self.drawn.as_ref().is_some_and(|(of, what)| of == snapshot && what == pictures) {
+    pub fn draw(
+        &mut self,
+        snapshot: &FrameSnapshot,
+        pictures: &[PictureRequest],
+        overlay: &Overlay,
+    ) -> Result<(), WindowError> {
+        let is_drawn = |(of, what, over): &(FrameSnapshot, Vec<PictureRequest>, Overlay)| {
+            of == snapshot && what == pictures && over == overlay
+        };
+        if self.drawn.as_ref().is_some_and(is_drawn) {
             return Ok(());
         }
         self.drawn = None;
@@ -109,11 +117,15 @@ impl WindowPainter {
         let targets: Vec<TargetView<'_>> = views
             .iter()
             .zip(pictures)
-            .map(|(color, picture)| TargetView { color, format: FORMAT, extent: picture.view.extent })
+            .map(|(color, picture)| TargetView {
+                kind: picture.kind,
+                overlay: (picture.slot == PictureSlot::City).then_some(overlay),
+                ..TargetView::new(color, FORMAT, picture.view.extent)
+            })
             .collect();
         let views: Vec<_> = pictures.iter().map(|picture| picture.view).collect();
         self.city.draw(snapshot, &views, &targets)?;
-        self.drawn = Some((snapshot.clone(), pictures.to_vec()));
+        self.drawn = Some((snapshot.clone(), pictures.to_vec(), overlay.clone()));
         Ok(())
     }
 

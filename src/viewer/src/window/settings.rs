@@ -1,7 +1,9 @@
 //! Settings of the window that are stored between sessions, in the user's configuration folder.
 
 use crate::cockpit::DeviceProfile;
-use crate::ui::{CameraMode, Layers, Preferences, PreviewCamera, QualityPreset, StoredLayout, TableState};
+use crate::ui::{
+    Bookmarks, CameraMode, Layers, Preferences, PreviewCamera, QualityPreset, StoredLayout, TableState,
+};
 use city3d_outputs::WholeFile;
 use city3d_session::Speed;
 use serde::de::DeserializeOwned;
@@ -37,6 +39,8 @@ pub struct ViewSettings {
     pub layout: Option<StoredLayout>,
     /// What was watched in the last live run.
     pub views: WatchedVehicles,
+    /// Stored cameras of the large view.
+    pub bookmarks: Bookmarks,
 }
 
 /// Followed vehicle and open previews of one scenario, by vehicle name.
@@ -171,7 +175,8 @@ fn date(days: u64) -> [u64; 3] {
 mod tests {
     use super::*;
     use crate::cockpit::{ControlFunction, DeviceControl, LeverCalibration};
-    use crate::ui::{Layout, OpenPanels, Theme};
+    use crate::ui::{Layout, OpenPanels, Theme, Viewpoint};
+    use city3d_protocol::snapshot::FrameSnapshot;
 
     #[test]
     fn no_stored_size_is_one_that_a_window_cannot_have() {
@@ -194,6 +199,8 @@ mod tests {
     fn settings_come_back_as_they_were_written() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("new").join("view.toml");
+        let mut bookmarks = Bookmarks::default();
+        bookmarks.set(3, &Viewpoint::around(&FrameSnapshot::default()));
         let settings = ViewSettings {
             size: Some([1600, 900]),
             preset: Some(QualityPreset::Medium),
@@ -212,6 +219,7 @@ mod tests {
                     ("path1_a".to_owned(), PreviewCamera::Own(1)),
                 ],
             },
+            bookmarks,
         };
         write(&path, &settings).unwrap();
         assert_eq!(read::<ViewSettings>(&path), settings);

@@ -19,7 +19,7 @@ use crate::ui::{
 };
 use city3d_logbook::record::LogOrigin;
 use city3d_protocol::snapshot::{FrameSnapshot, Status, VehicleId, VehicleSpec};
-use city3d_render::Context;
+use city3d_render::{Context, Overlay};
 use city3d_session::playback::{LogInfo, PastPlayer, PlaybackCommand, Player};
 use city3d_session::{
     EventReader, Order, RunHistory, RunPhase, RunState, SessionError, SessionHandle, SessionStopper, Speed,
@@ -90,6 +90,8 @@ pub struct ViewerState {
     runs_before: u32,
     /// The run was told that its plans are on display.
     asks_for_plans: bool,
+    /// The run was told that its decisions are on display.
+    asks_for_decisions: bool,
     /// The refusal of an order that was said last.
     refused: u64,
     /// Events of the live run so far.
@@ -195,6 +197,7 @@ impl ViewerState {
             city: CityKind::Local,
             runs_before: 0,
             asks_for_plans: false,
+            asks_for_decisions: false,
             refused: 0,
             events: EventReader::default(),
             traffic: LiveTraffic::new(&experiment),
@@ -298,6 +301,11 @@ impl ViewerState {
         }
     }
 
+    /// The overlay of the last frame.
+    pub fn overlay(&self) -> &Overlay {
+        &self.state.overlay
+    }
+
     /// The pictures that the last frame requested.
     pub fn pictures(&self) -> &[PictureRequest] {
         &self.state.pictures
@@ -337,6 +345,7 @@ impl ViewerState {
         self.list_runs();
         let now_s = ui.input(|input| input.time);
         self.ask_for_plans(self.state.shows_plans());
+        self.ask_for_decisions(self.state.shows_decisions());
         self.meet_vehicles(&run_state);
         self.seat_user(now_s);
         self.say_refusal(&run_state, now_s);
@@ -447,6 +456,13 @@ impl ViewerState {
         }
     }
 
+    /// Asks the run for decisions and delays of commands while they are on display.
+    pub fn ask_for_decisions(&mut self, wants: bool) {
+        if wants != self.asks_for_decisions && self.send(Order::TellDecisions(wants)) {
+            self.asks_for_decisions = wants;
+        }
+    }
+
     /// Takes the new events of a live run, and tells of grave ones at once.
     fn announce_events(&mut self, run_state: &RunState, now_s: f64) {
         let known = self.events.read(&run_state.events);
@@ -486,8 +502,10 @@ impl ViewerState {
         let views = Some(&settings.views).filter(|views| views.scenario == self.request.scenario);
         let find = |name: &String| self.experiment.vehicles.iter().find(|v| v.name == *name).map(|v| v.id);
         let previews = views.into_iter().flat_map(|views| &views.previews);
-        state.previews =
-            previews.filter_map(|(name, eye)| Some(Preview { vehicle: find(name)?, eye: *eye })).collect();
+        state.previews = previews
+            .filter_map(|(name, eye)| Some(Preview { eye: *eye, ..Preview::new(find(name)?) }))
+            .collect();
+        state.bookmarks = settings.bookmarks.clone();
         // A driver keeps the chase view.
         if state.driving.is_none() {
             let followed = views.and_then(|views| views.followed.as_ref()).and_then(find);
@@ -503,7 +521,7 @@ impl ViewerState {
         (settings.table, settings.layers) = (state.table.clone(), state.layers);
         settings.preferences = state.preferences;
         settings.layout = state.layout.stored(state.open);
-        settings.mode = state.viewpoint.mode;
+        (settings.mode, settings.bookmarks) = (state.viewpoint.mode, state.bookmarks.clone());
         settings.recent.clone_from(&self.lists.recent);
         // Settings of a replay, or of a city that keeps its own time, are not stored for the next run.
         let (ViewedRun::Run(live), CityKind::Local) = (&self.source, self.city) else { return };

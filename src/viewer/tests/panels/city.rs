@@ -26,12 +26,12 @@ pub fn has_text(harness: &Harness<'static, Desk>, text: &str) -> bool {
     texts(harness).iter().any(|painted| painted == text)
 }
 
-fn picture(harness: &Harness<'static, Desk>, slot: PictureSlot) -> PictureRequest {
+pub fn picture(harness: &Harness<'static, Desk>, slot: PictureSlot) -> PictureRequest {
     *harness.state().state.pictures.iter().find(|picture| picture.slot == slot).unwrap()
 }
 
 /// The place of the large view on screen: where its picture would be, which no test has.
-fn place(harness: &Harness<'static, Desk>) -> Rect {
+pub fn place(harness: &Harness<'static, Desk>) -> Rect {
     let extent = picture(harness, PictureSlot::City).view.extent.map(|pixels| pixels as f32);
     let rects = harness.output().shapes.iter().filter_map(|clipped| match &clipped.shape {
         Shape::Rect(rect) => Some(rect.rect),
@@ -43,7 +43,7 @@ fn place(harness: &Harness<'static, Desk>) -> Rect {
 }
 
 /// Where a vehicle is on screen.
-fn vehicle_at(harness: &Harness<'static, Desk>, index: usize) -> Pos2 {
+pub fn vehicle_at(harness: &Harness<'static, Desk>, index: usize) -> Pos2 {
     let view = picture(harness, PictureSlot::City).view;
     let middle = harness.state().run_state.now.vehicles[index].position + DVec3::Z * 0.75;
     let pixel = view.project(middle).unwrap();
@@ -52,7 +52,7 @@ fn vehicle_at(harness: &Harness<'static, Desk>, index: usize) -> Pos2 {
     place(harness).min + share * place(harness).size()
 }
 
-fn click_at(harness: &mut Harness<'static, Desk>, at: Pos2, times: u32) {
+pub fn click_at(harness: &mut Harness<'static, Desk>, at: Pos2, times: u32) {
     harness.event(egui::Event::PointerMoved(at));
     for _ in 0..times {
         for pressed in [true, false] {
@@ -65,7 +65,7 @@ fn click_at(harness: &mut Harness<'static, Desk>, at: Pos2, times: u32) {
 }
 
 /// Cars far apart, named like those of a scenario.
-fn spread(count: u32) -> FrameSnapshot {
+pub fn spread(count: u32) -> FrameSnapshot {
     let mut snapshot = fleet(count);
     for (index, vehicle) in snapshot.vehicles.iter_mut().enumerate() {
         vehicle.position = DVec3::new(30.0 * index as f64, 8.0 * index as f64, 0.0);
@@ -147,14 +147,15 @@ fn the_map_moves_the_view_and_can_be_hidden() {
 fn layers_are_drawn_with_no_one_six_and_five_hundred_vehicles() {
     for count in [0, 1, 6, 500] {
         let mut harness = with(count);
-        let shapes = |harness: &Harness<'static, Desk>| harness.output().shapes.len();
+        let lines = |harness: &Harness<'static, Desk>| harness.state().state.overlay.lines.len();
         click(&mut harness, "Layers");
-        let before = shapes(&harness);
-        for layer in ["Lanes", "Conflict zones"] {
+        let before = lines(&harness);
+        for layer in ["Lanes", "Conflict zones", "Boxes"] {
             click(&mut harness, layer);
         }
-        assert!(shapes(&harness) > before + 20, "{count}: the lanes of the map are lines");
-        click(&mut harness, "Route of the selected vehicle, or of all");
+        assert!(lines(&harness) >= before + 20 + 12 * count as usize, "{count}: lanes and boxes are lines");
+        assert!(harness.state().state.overlay.lines.iter().all(|line| line.paint.behind == 0.0));
+        click(&mut harness, "Route of the selected vehicle");
         press(&mut harness, egui::Key::PageDown);
         assert_eq!(harness.state().state.selection.vehicle.is_some(), count > 0);
         let layers = harness.state().state.layers;

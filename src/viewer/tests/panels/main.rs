@@ -6,12 +6,15 @@ mod city;
 mod commands;
 mod controllers;
 mod desk;
+mod insight;
 mod layout;
 mod live_timeline;
+mod overlays;
 mod plans;
 mod runs;
 mod timeline;
 mod traffic;
+mod viewing;
 
 use city3d_protocol::snapshot::{EventKind, Status, VehicleId};
 use city3d_sensors::{Lens, Mount, MountPoint};

@@ -1,6 +1,7 @@
 //! The registry of actions (command pattern): what the user can do, by which key, and when. Keys, palette, help and
 //! tips are made from it, so that an action is one entry in one of the lists below.
 
+mod bookmarks;
 mod camera;
 mod driving;
 mod files;
@@ -113,12 +114,13 @@ impl Section {
 }
 
 /// All actions. Of two with one key, the first that is available runs.
-pub static SECTIONS: [Section; 8] = [
+pub static SECTIONS: [Section; 9] = [
     // Keys of the run are those of the playback while the past is played.
     Section::new("Time", time::ALL).with(time::GESTURES),
     Section::new("Run", run::ALL).only(|shown| shown.replay.is_none()),
     Section::new("Files", files::ALL),
     Section::new("Camera", camera::ALL).with(camera::GESTURES),
+    Section::new("Bookmarks", bookmarks::ALL),
     Section::new("Vehicles", vehicles::ALL).with(vehicles::GESTURES),
     Section::new("Driving", driving::ALL).with(driving::GESTURES).only(|shown| shown.replay.is_none()),
     Section::new("Panels", panels::ALL),

@@ -1,7 +1,7 @@
 //! Actions on panels, overlays and the window itself.
 
 use super::{Availability, Command, CommandContext, ctrl, key, registry};
-use crate::ui::{Panel, UiAction, VideoKind, preview};
+use crate::ui::{ColourBy, Panel, UiAction, VideoKind, preview};
 use egui::Key;
 
 registry!(
@@ -37,6 +37,11 @@ registry!(
         c,
         Panel::Controllers
     )),
+    FLOAT_INSPECTOR = Command::always("Float or dock the inspector", &[], |c| float(c, Panel::Inspector)),
+    INSPECTOR =
+        Command::always("Inspector: why the selected vehicle does what it does", &[key(Key::I)], |c| {
+            c.state.open.inspector = !c.state.open.inspector;
+        }),
     LABELS = Command::always("Show or hide labels over vehicles", &[key(Key::L)], |c| {
         c.state.layers.labels = !c.state.layers.labels;
     }),
@@ -44,7 +49,12 @@ registry!(
         c.state.layers.map = !c.state.layers.map;
     }),
     LANES = Command::always("Show or hide lanes", &[], |c| c.state.layers.lanes = !c.state.layers.lanes),
-    ROUTES = Command::always("Show or hide routes", &[], |c| c.state.layers.routes = !c.state.layers.routes),
+    ROUTES = Command::always("Show or hide the route of the selected vehicle", &[], |c| {
+        c.state.layers.routes = !c.state.layers.routes;
+    }),
+    ALL_ROUTES = Command::always("Show or hide the routes of all vehicles", &[], |c| {
+        c.state.layers.all_routes = !c.state.layers.all_routes;
+    }),
     CONFLICT_ZONES = Command::always("Show or hide conflict zones", &[], |c| {
         c.state.layers.zones = !c.state.layers.zones;
     }),
@@ -71,6 +81,38 @@ registry!(
         true => Availability::Now,
         false => Availability::After("Open the charts first (F6)"),
     }),
+    BOXES = Command::always("Show or hide boxes", &[], |c| c.state.layers.boxes = !c.state.layers.boxes),
+    TRACKS = Command::always("Show or hide driven paths", &[], |c| {
+        c.state.layers.tracks = !c.state.layers.tracks;
+    }),
+    PATH = Command::always("Show or hide the way ahead", &[], |c| {
+        c.state.layers.path = !c.state.layers.path;
+    }),
+    GAPS = Command::always("Show or hide gaps and headways", &[], |c| {
+        c.state.layers.gaps = !c.state.layers.gaps;
+    }),
+    MEASURED = Command::always("Show or hide measured poses", &[], |c| {
+        c.state.layers.measured = !c.state.layers.measured;
+    }),
+    FRUSTA = Command::always("Show or hide what cameras see", &[], |c| {
+        c.state.layers.frusta = !c.state.layers.frusta;
+    }),
+    LEGEND = Command::always("Show or hide the legend", &[], |c| {
+        c.state.layers.legend = !c.state.layers.legend;
+    }),
+    RULERS = Command::always("Show or hide scale, north and place under the mouse", &[], |c| {
+        c.state.layers.rulers = !c.state.layers.rulers;
+    }),
+    COLOUR_STATUS = Command::always("Colour vehicles by status", &[], |c| {
+        c.state.layers.colour = ColourBy::Status;
+    }),
+    COLOUR_SPEED = Command::always("Colour vehicles by speed", &[], |c| {
+        c.state.layers.colour = ColourBy::Speed;
+    }),
+    COLOUR_WAITING = Command::always("Colour vehicles by waiting time", &[], |c| {
+        c.state.layers.colour = ColourBy::Waiting;
+    }),
+    MEASURE = Command::always("Measure lengths", &[], |c| c.state.measure.begin(None)),
     SCREENSHOT = Command::always("Save a screenshot", &[key(Key::F12)], |c| {
         c.actions.push(UiAction::Screenshot);
     }),

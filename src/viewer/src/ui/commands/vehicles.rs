@@ -37,6 +37,7 @@ registry!(
 pub const GESTURES: &[(&str, &str)] = &[
     ("click", "Select a vehicle, in the city or in the table"),
     ("double click", "Follow it"),
+    ("right click", "Menu of a vehicle or a place"),
     ("Tab, then Up and Down", "Move the selection in the table"),
 ];
 
@@ -74,17 +75,19 @@ fn neighbour(shown: &ViewModel<'_>, from: Option<VehicleId>, forward: bool) -> O
 
 fn has_something_to_close(state: &UiState) -> bool {
     let is_following = state.selection.vehicle.is_some() || state.viewpoint.follow.is_some();
-    state.devices.learning().is_some()
-        || state.first_to_close().is_some()
-        || state.driving.is_some()
-        || is_following
+    let is_busy = state.devices.learning().is_some() || state.measure.is_on;
+    is_busy || state.first_to_close().is_some() || state.driving.is_some() || is_following
 }
 
-/// The nearest thing first: a calibration, a panel, the wheel, the selection.
+/// The nearest thing first: a calibration, the measure tool, a panel, the wheel, the selection.
 fn close(context: &mut CommandContext<'_, '_>) {
     let state = &mut *context.state;
     if state.devices.learning().is_some() {
         state.devices.stop_learning();
+        return;
+    }
+    if state.measure.is_on {
+        state.measure.end();
         return;
     }
     if let Some(close) = state.first_to_close() {

@@ -191,7 +191,8 @@ impl ViewerState {
         experiment: Arc<Experiment>,
     ) -> ViewedRun {
         let old = std::mem::replace(&mut self.source, source);
-        (self.request, self.refused, self.seated_in_run, self.asks_for_plans) = (request, 0, 0, false);
+        (self.request, self.refused, self.seated_in_run) = (request, 0, 0);
+        (self.asks_for_plans, self.asks_for_decisions) = (false, false);
         self.scenario_info = ScenarioInfo::of(&experiment);
         self.traffic = LiveTraffic::new(&experiment);
         self.history = RunHistory::default();
