@@ -14,6 +14,8 @@ mod constraints;
 mod deadlock;
 mod inside;
 mod occupancy;
+#[cfg(test)]
+mod room_tests;
 mod waiting;
 
 pub use constraints::{ConstraintKind, YieldConstraint};
@@ -489,9 +491,13 @@ impl RightOfWay {
         let is_admitted =
             |other: &usize| *other != vehicle && cavs[*other].is_on_route() && on_the_way(&cavs[*other]);
         let admitted = self.admitted_towards.lane(exit_lane).into_iter().filter(is_admitted);
-        let needed = room_for(cav) + admitted.map(|other| room_for(&cavs[other])).sum::<f64>();
+        let admitted: Vec<&Cav> = admitted.map(|other| &cavs[other]).collect();
+        let needed = room_for(cav) + admitted.iter().map(|other| room_for(other)).sum::<f64>();
         let next_hold_s = cav.route.sections.get(cav.passage.next_section + 1).map(|s| s.hold_s);
         let mut available_s = next_hold_s.unwrap_or(f64::INFINITY).min(clear_s + HORIZON_M);
+        // On another route they may have to wait sooner.
+        let lines = admitted.iter().filter_map(|other| next_line_along(cav, other, exit_lane));
+        available_s = lines.fold(available_s, f64::min);
         let standing_there =
             occupancy.first_rear_after(cavs, vehicle, clear_s, HORIZON_M, |other| !on_the_way(&cavs[other]));
         if let Some((other, rear_s)) = standing_there {
@@ -570,6 +576,21 @@ impl RightOfWay {
             }
         }
     }
+}
+
+/// Where another vehicle has to wait next if it is not admitted there, along the own route; `None` where it need not, or where
+/// it is not on its way to a lane of both routes.
+fn next_line_along(own: &Cav, other: &Cav, lane: LaneId) -> Option<f64> {
+    let start_of = |cav: &Cav, section: usize| {
+        let here = &cav.route.sections[section];
+        let index = (cav.route.index_at(here.from_s)..=cav.route.index_at(here.to_s + BEHIND_SECTION_M))
+            .find(|index| cav.route.lanes()[*index] == lane)?;
+        Some(cav.route.lane_start(index))
+    };
+    let own_start_s = start_of(own, own.passage.next_section)?;
+    let other_start_s = start_of(other, other.passage.admissions.last()?.section)?;
+    let line = other.route.sections.get(other.passage.next_section)?;
+    Some(line.hold_s - other_start_s + own_start_s)
 }
 
 /// Request distance: early enough to stop comfortably.
