@@ -3,6 +3,7 @@
 use super::control_zones::{ZoneStretch, zone_colour};
 use super::vehicle_menu::{MenuSubject, VehicleMenu};
 use super::{UiState, ViewModel, status};
+use city3d_geometry::trig;
 use city3d_protocol::snapshot::{Aspect, VehicleId};
 use city3d_roadmap::CityMap;
 use egui::{Color32, Painter, Pos2, Rect, Sense, Shape, Stroke, Ui, Vec2};
@@ -120,7 +121,8 @@ pub fn way_back(map: &CityMap, position: DVec2) -> Option<String> {
     let high = ends().map(|pose| pose.position).fold(DVec2::NEG_INFINITY, DVec2::max);
     let way = position.clamp(low.min(high), high) - position;
     (low.is_finite() && way.length() > LEFT_M).then(|| {
-        let eighth = (way.to_angle() / std::f64::consts::FRAC_PI_4).round().rem_euclid(8.0) as usize;
+        let eighth =
+            (trig::atan2(way.y, way.x) / std::f64::consts::FRAC_PI_4).round().rem_euclid(8.0) as usize;
         format!("You left the city: it is {:.0} m to the {}", way.length(), NAMES[eighth % NAMES.len()])
     })
 }

@@ -62,7 +62,7 @@ fn scale(canvas: &Canvas<'_>) -> Option<(f64, f64)> {
 fn round_below(most_m: f64) -> Option<f64> {
     let steps = [1.0, 2.0, 5.0].into_iter();
     let all = [0.1, 1.0, 10.0, 100.0].into_iter().flat_map(|power| steps.clone().map(move |s| s * power));
-    all.filter(|length_m| *length_m <= most_m).last()
+    all.take_while(|length_m| *length_m <= most_m).last()
 }
 
 fn scale_bar(canvas: &Canvas<'_>, corner: Pos2, (length_m, points): (f64, f32)) {

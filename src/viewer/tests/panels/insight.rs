@@ -1,5 +1,7 @@
 //! Why a vehicle does what it does: the inspector, and the menu of a vehicle.
 
+#![allow(clippy::disallowed_methods, reason = "looks at what is drawn; no state depends on it")]
+
 use super::city::{click_at, has_text, place, spread, texts, vehicle_at};
 use super::desk::{Desk, click, harness, press};
 use city3d_protocol::snapshot::{DecisionReason, VehicleId};

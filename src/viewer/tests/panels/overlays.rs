@@ -1,5 +1,7 @@
 //! Overlays of the city: the outline of the selection, labels, paths, gaps, colours, and the legend.
 
+#![allow(clippy::disallowed_methods, reason = "looks at what is drawn; no state depends on it")]
+
 use super::city::{has_text, place, spread, texts, vehicle_at};
 use super::desk::{Desk, harness, press};
 use city3d_protocol::snapshot::{ControlDecision, Status, VehicleId};

@@ -9,6 +9,7 @@ pub(super) use vehicles::{CLOSE_GAP, CLOSE_S, DRIVEN, FRUSTUM, GAP, MEASURED, PL
 
 use super::layers::Canvas;
 use super::{UiState, ViewModel};
+use city3d_geometry::trig;
 use city3d_render::{Overlay, OverlayPaint};
 use egui::Color32;
 use glam::{DVec2, DVec3};
@@ -43,17 +44,12 @@ pub(super) fn above(point: DVec2) -> DVec3 {
 
 /// A disc on the road.
 pub(super) fn disc(overlay: &mut Overlay, middle: DVec2, radius_m: f64, paint: OverlayPaint) {
-    const CORNERS: [[f64; 2]; 8] = [
-        [1.0, 0.0],
-        [0.7071, 0.7071],
-        [0.0, 1.0],
-        [-0.7071, 0.7071],
-        [-1.0, 0.0],
-        [-0.7071, -0.7071],
-        [0.0, -1.0],
-        [0.7071, -0.7071],
-    ];
-    let rim = CORNERS.map(|corner| above(middle + DVec2::from(corner) * radius_m));
+    const CORNERS: u8 = 8;
+    let corner = |k: u8| {
+        let (sin, cos) = trig::sin_cos(std::f64::consts::TAU * f64::from(k) / f64::from(CORNERS));
+        above(middle + DVec2::new(cos, sin) * radius_m)
+    };
+    let rim: Vec<DVec3> = (0..CORNERS).map(corner).collect();
     for k in 0..rim.len() {
         overlay.triangle([above(middle), rim[k], rim[(k + 1) % rim.len()]], paint);
     }
