@@ -334,17 +334,17 @@ impl DeviceRenderer {
         visible: &[VisibleSet],
         (index, target): (usize, &TargetView<'_>),
     ) {
-        if !self.targets.contains_key(&target.extent) {
-            let atlas = Atlas { keeps_depth: true, ..self.new_atlas(target.extent, 1) };
-            self.targets.insert(target.extent, atlas);
-        }
+        let overlay = target.overlay.filter(|overlay| !overlay.is_empty());
+        let keeps_depth = self.post_process.is_some() || overlay.is_some();
+        let atlas = self.targets.remove(&target.extent).unwrap_or_else(|| self.new_atlas(target.extent, 1));
+        self.targets.insert(target.extent, Atlas { keeps_depth, ..atlas });
         let device = &self.context.device;
         if let Some(post_process) = &mut self.post_process {
             post_process.prepare_pipeline(device, &self.frame.layout, target.format);
         }
         let Some(atlas) = self.targets.get(&target.extent) else { return };
         self.draw_tiles(encoder, atlas, (target.color, target.format), visible, &[(index, [0, 0])]);
-        if let Some(overlay) = target.overlay.filter(|overlay| !overlay.is_empty()) {
+        if let Some(overlay) = overlay {
             let pass = self.overlay.take().filter(|pass| pass.format() == target.format);
             let pass = pass.unwrap_or_else(|| {
                 OverlayPass::new(device, self.attachments, &self.frame.layout, target.format)
