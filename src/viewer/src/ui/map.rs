@@ -80,9 +80,11 @@ pub fn show(ui: &Ui, rect: Rect, state: &mut UiState, shown: &ViewModel<'_>) {
         let is_selected = state.selection.vehicle == Some(vehicle.id);
         let colour = state.layers.colour.colour(painter.ctx(), vehicle, shown);
         let there = on_screen(vehicle.position.truncate());
-        let at = there.clamp(place.min + Vec2::splat(EDGE), place.max - Vec2::splat(EDGE));
+        let is_outside = !place.shrink(0.5 * EDGE).contains(there);
+        let inner = place.shrink(EDGE);
+        let at = if is_outside { there.clamp(inner.min, inner.max) } else { there };
         marks.push((vehicle.id, at));
-        if at.distance(there) > 0.5 {
+        if is_outside {
             // Outside of the map: an arrow at its edge points there.
             paint_arrow(&painter, at, (there - at).normalized(), (6.0, colour));
         } else {

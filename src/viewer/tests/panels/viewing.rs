@@ -105,3 +105,29 @@ fn who_drives_out_of_the_city_is_told_the_way_back() {
     harness.get_by_label_contains("You left the city");
     harness.get_by_label_contains(" m to the west");
 }
+
+#[test]
+fn only_who_is_outside_of_the_map_has_an_arrow_at_its_edge() {
+    let mut desk = Desk::with(fleet(1));
+    let ends = || desk.map.lanes.iter().flat_map(|lane| [lane.curve.start(), lane.curve.end()]);
+    let low = ends().map(|pose| pose.position).fold(DVec2::INFINITY, DVec2::min);
+    desk.change(|now| now.vehicles[0].status = city3d_protocol::snapshot::Status::Driving);
+    desk.change(|now| now.vehicles[0].position = low.extend(0.0));
+    let mut harness = harness(desk);
+    // On the map a vehicle that drives is a disc, outside of it an arrow head: three corners.
+    let arrows = |harness: &Harness<'static, Desk>| {
+        let map = egui::Rect::from_min_size(
+            place(harness).right_top() + egui::vec2(-158.0, 8.0),
+            egui::Vec2::splat(150.0),
+        );
+        let is_arrow = |shape: &egui::Shape| match shape {
+            egui::Shape::Path(path) => path.closed && path.points.len() == 3 && map.contains(path.points[0]),
+            _ => false,
+        };
+        harness.output().shapes.iter().filter(|clipped| is_arrow(&clipped.shape)).count()
+    };
+    assert_eq!(arrows(&harness), 0, "at the corner of the lanes, and so on the map");
+    harness.state_mut().change(|now| now.vehicles[0].position.x -= 300.0);
+    harness.run_steps(2);
+    assert_eq!(arrows(&harness), 1);
+}
