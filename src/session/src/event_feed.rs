@@ -1,8 +1,7 @@
-//! Events and past states of the present run for a window, which itself sees only some of the snapshots: each event once,
-//! and states at a steady rate.
+//! Events of the present run for a window: each once, although a window sees only some of the snapshots.
 
 use super::playback::{DriverChanges, TimelineMark};
-use super::{HistoryFeed, Inputs, Moment, MomentKind, PoseWatch};
+use super::{Inputs, Moment, MomentKind};
 use city3d_protocol::wire::Body;
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -11,8 +10,8 @@ use std::sync::{Arc, Mutex, PoisonError};
 pub struct EventFeed(Arc<Mutex<Vec<TimelineMark>>>);
 
 impl EventFeed {
-    fn extend(&self, marks: &[TimelineMark]) {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner).extend_from_slice(marks);
+    fn extend(&self, marks: impl Iterator<Item = TimelineMark>) {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner).extend(marks);
     }
 }
 
@@ -41,71 +40,39 @@ impl EventReader {
     }
 }
 
-/// Collects the events and the states of moments into feeds.
-#[derive(Debug)]
+/// Collects the events of moments into feeds.
+#[derive(Debug, Default)]
 pub(super) struct EventCollector {
     feed: EventFeed,
-    history: HistoryFeed,
     drivers: DriverChanges,
-    watch: PoseWatch,
-    /// The events of the source have its collisions.
-    tells_collisions: bool,
 }
 
 impl EventCollector {
-    /// A collector for a new run.
-    pub(super) fn new(tells_collisions: bool) -> Self {
-        Self {
-            feed: EventFeed::default(),
-            history: HistoryFeed::default(),
-            drivers: DriverChanges::default(),
-            watch: PoseWatch::default(),
-            tells_collisions,
-        }
-    }
-
-    /// Forgets the run: another one begins.
-    pub(super) fn restart(&mut self) {
-        *self = Self::new(self.tells_collisions);
-    }
-
-    /// The events of the present run.
+    /// The feed of the present run.
     pub(super) fn feed(&self) -> EventFeed {
         self.feed.clone()
     }
 
-    /// The past states of the present run.
-    pub(super) fn history(&self) -> HistoryFeed {
-        self.history.clone()
-    }
-
-    /// Adds the events of a moment, and returns them; the first moment of a run begins other feeds.
-    pub(super) fn take(&mut self, moment: &Moment<'_>) -> Vec<TimelineMark> {
+    /// Adds the events of a moment; the first one of a run begins another feed.
+    pub(super) fn take(&mut self, moment: &Moment<'_>) {
         match moment.kind {
-            MomentKind::Still => return Vec::new(),
-            MomentKind::First => self.restart(),
+            MomentKind::Still => return,
+            MomentKind::First => *self = Self::default(),
             MomentKind::Tick | MomentKind::Applied => {}
         }
-        let mut marks: Vec<TimelineMark> = moment.snapshot.events.iter().map(TimelineMark::from).collect();
-        marks.extend(self.watch.observe(moment.snapshot, self.tells_collisions));
+        self.feed.extend(moment.snapshot.events.iter().map(TimelineMark::from));
         let (from_s, drivers) = (moment.from.1, &mut self.drivers);
         match moment.inputs {
             Inputs::None => {}
             Inputs::Commands(commands) => {
-                marks.extend(commands.iter().filter_map(|command| drivers.mark_command(from_s, command)));
+                self.feed.extend(commands.iter().filter_map(|command| drivers.mark_command(from_s, command)));
             }
             Inputs::Network(applied, _) => {
-                marks.extend(applied.iter().filter_map(|applied| match applied.body {
+                self.feed.extend(applied.iter().filter_map(|applied| match applied.body {
                     Body::Drive { vehicle, pedals, .. } => drivers.mark(from_s, vehicle, pedals.is_some()),
                     _ => None,
                 }));
             }
         }
-        let is_grave = marks.iter().any(|mark| mark.what.is_grave());
-        self.history.take(moment.snapshot, is_grave);
-        if !marks.is_empty() {
-            self.feed.extend(&marks);
-        }
-        marks
     }
 }

@@ -135,12 +135,7 @@ impl Source for LocalCity {
             Order::Drive(..) | Order::Release(_) => {
                 self.commands.extend(order.vehicle().zip(order.vehicle_command()));
             }
-            // The session stops the clock at a goal.
-            Order::Pause
-            | Order::Speed(_)
-            | Order::RunUntil(_)
-            | Order::TellPlans(_)
-            | Order::TellDecisions(_) => {}
+            Order::Pause | Order::Speed(_) | Order::TellPlans(_) => {}
         }
         Ok(())
     }

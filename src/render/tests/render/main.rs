@@ -13,5 +13,4 @@ mod images;
 mod instances;
 mod kinds;
 mod light;
-mod overlay;
 mod signals;

@@ -1,9 +1,7 @@
 //! Settings of the window that are stored between sessions, in the user's configuration folder.
 
 use crate::cockpit::DeviceProfile;
-use crate::ui::{
-    Bookmarks, CameraMode, Layers, Preferences, PreviewCamera, QualityPreset, StoredLayout, TableState,
-};
+use crate::ui::{CameraMode, Layers, PanelWidths, PreviewCamera, QualityPreset, TableState};
 use city3d_outputs::WholeFile;
 use city3d_session::Speed;
 use serde::de::DeserializeOwned;
@@ -25,22 +23,16 @@ pub struct ViewSettings {
     pub preset: Option<QualityPreset>,
     /// Camera of the large view.
     pub mode: CameraMode,
-    /// Files that were opened last, the latest first.
-    pub recent: Vec<PathBuf>,
     /// `None` until the user chooses.
     pub speed: Option<Speed>,
     /// Overlays of the city view.
     pub layers: Layers,
     /// Sort column and direction of the table of vehicles; its filter is not stored.
     pub table: TableState,
-    /// Theme, status colours, size of the interface and units.
-    pub preferences: Preferences,
-    /// Places of the panels, and which are open; the usual ones until the user has closed a window.
-    pub layout: Option<StoredLayout>,
+    /// Widths of the side panels, points.
+    pub widths: PanelWidths,
     /// What was watched in the last live run.
     pub views: WatchedVehicles,
-    /// Stored cameras of the large view.
-    pub bookmarks: Bookmarks,
 }
 
 /// Followed vehicle and open previews of one scenario, by vehicle name.
@@ -123,11 +115,6 @@ fn file(name: &str) -> Option<PathBuf> {
     folder("XDG_CONFIG_HOME", ".config").map(|folder| folder.join("city3d").join(name))
 }
 
-/// The folder of the runs that windows have recorded.
-pub fn runs_folder() -> Option<PathBuf> {
-    Some(folder("XDG_DATA_HOME", ".local/share")?.join("city3d").join("runs"))
-}
-
 /// A new folder for the logs of a window on a scenario.
 pub fn log_folder(scenario: &str) -> Option<PathBuf> {
     let stem = Path::new(scenario).file_stem()?.to_string_lossy().into_owned();
@@ -135,7 +122,7 @@ pub fn log_folder(scenario: &str) -> Option<PathBuf> {
     let [year, month, day] = date(seconds / 86_400);
     let (hour, minute, second) = (seconds / 3600 % 24, seconds / 60 % 60, seconds % 60);
     let name = format!("{stem}-{year:04}{month:02}{day:02}-{hour:02}{minute:02}{second:02}");
-    let runs = runs_folder()?;
+    let runs = folder("XDG_DATA_HOME", ".local/share")?.join("city3d").join("runs");
     let others = (2..).map(|k| format!("{name}-{k}"));
     std::iter::once(name.clone()).chain(others).map(|name| runs.join(name)).find(|folder| !folder.exists())
 }
@@ -175,8 +162,6 @@ fn date(days: u64) -> [u64; 3] {
 mod tests {
     use super::*;
     use crate::cockpit::{ControlFunction, DeviceControl, LeverCalibration};
-    use crate::ui::{Layout, OpenPanels, Theme, Viewpoint};
-    use city3d_protocol::snapshot::FrameSnapshot;
 
     #[test]
     fn no_stored_size_is_one_that_a_window_cannot_have() {
@@ -199,18 +184,14 @@ mod tests {
     fn settings_come_back_as_they_were_written() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("new").join("view.toml");
-        let mut bookmarks = Bookmarks::default();
-        bookmarks.set(3, &Viewpoint::around(&FrameSnapshot::default()));
         let settings = ViewSettings {
             size: Some([1600, 900]),
             preset: Some(QualityPreset::Medium),
             mode: CameraMode::Overhead,
-            recent: vec!["/home/me/mine.toml".into()],
             layers: Layers { lanes: true, labels: false, ..Layers::default() },
             table: TableState { descending: true, ..TableState::default() },
             speed: Some(Speed::Times(2.0)),
-            preferences: Preferences { theme: Theme::Light, scale: 1.5, ..Preferences::default() },
-            layout: Layout::default().stored(OpenPanels { traffic: true, ..OpenPanels::default() }),
+            widths: PanelWidths { vehicles: 321.5, previews: 300.0 },
             views: WatchedVehicles {
                 scenario: "roundabout".to_owned(),
                 followed: Some("path1_a".to_owned()),
@@ -219,7 +200,6 @@ mod tests {
                     ("path1_a".to_owned(), PreviewCamera::Own(1)),
                 ],
             },
-            bookmarks,
         };
         write(&path, &settings).unwrap();
         assert_eq!(read::<ViewSettings>(&path), settings);
