@@ -592,12 +592,6 @@ impl Cav {
         let end_s = self.route.sections[section].to_s + BEHIND_SECTION_M;
         self.route.lanes()[self.route.index_at(end_s)]
     }
-
-    /// Whether its route uses a lane between two arc lengths.
-    pub(super) fn uses_lane(&self, lane: LaneId, from_s: f64, to_s: f64) -> bool {
-        (self.route.index_at(from_s)..=self.route.index_at(to_s))
-            .any(|index| self.route.lanes()[index] == lane)
-    }
 }
 
 fn controller_of(

@@ -13,7 +13,7 @@ const PLACE_M: f64 = 0.28;
 /// Share of the spaces that may be occupied.
 const TAKEN: f64 = 0.5;
 /// Distance behind a section at which its exit is looked up.
-const BEHIND_SECTION_M: f64 = 0.05;
+pub(super) const BEHIND_SECTION_M: f64 = 0.05;
 
 /// Vehicles on each short loop of a map, and the most that may be on it.
 #[derive(Clone, Debug)]

@@ -25,7 +25,7 @@ use super::loops::LoopCapacity;
 use super::route::{RANK_MAJOR, RANK_STOP, RANK_YIELD, Rank};
 use super::signals::{self, Signals};
 use super::traffic::Occupancy;
-use admitted_towards::{AdmittedTowards, BEHIND_SECTION_M};
+use admitted_towards::{AdmittedTowards, lane_start};
 use city3d_roadmap::{LabMap, LaneId, ZoneKind};
 use serde::{Deserialize, Serialize};
 use std::cmp::Ordering;
@@ -478,9 +478,8 @@ impl RightOfWay {
                 let there = &other.route.sections[admission.section];
                 // A vehicle also admitted to the next section does not wait in between.
                 let goes_on = other.passage.admissions.iter().any(|a| a.section > admission.section);
-                !goes_on
-                    && other.rear_s() < there.to_s
-                    && other.uses_lane(exit_lane, there.from_s, there.to_s + BEHIND_SECTION_M)
+                let is_on_it = !goes_on && other.rear_s() < there.to_s;
+                is_on_it && lane_start(other, admission.section, exit_lane).is_some()
             })
         };
         let is_admitted =
@@ -573,17 +572,11 @@ impl RightOfWay {
     }
 }
 
-/// Where another vehicle has to wait next if it is not admitted there, along the own route; `None` where it need not, or where
-/// it is not on its way to a lane of both routes.
+/// The next line at which another vehicle on its way to a shared lane may have to wait, along the own route; `None` where it has
+/// no line ahead or the routes do not share the lane.
 fn next_line_along(own: &Cav, other: &Cav, lane: LaneId) -> Option<f64> {
-    let start_of = |cav: &Cav, section: usize| {
-        let here = &cav.route.sections[section];
-        let index = (cav.route.index_at(here.from_s)..=cav.route.index_at(here.to_s + BEHIND_SECTION_M))
-            .find(|index| cav.route.lanes()[*index] == lane)?;
-        Some(cav.route.lane_start(index))
-    };
-    let own_start_s = start_of(own, own.passage.next_section)?;
-    let other_start_s = start_of(other, other.passage.admissions.last()?.section)?;
+    let own_start_s = lane_start(own, own.passage.next_section, lane)?;
+    let other_start_s = lane_start(other, other.passage.admissions.last()?.section, lane)?;
     let line = other.route.sections.get(other.passage.next_section)?;
     Some(line.hold_s - other_start_s + own_start_s)
 }

@@ -38,7 +38,7 @@ pub enum NoPlan {
     NotCoordinated,
     /// It has left its plans several times in a row, as where a person drives it.
     LeftItsPlans,
-    /// A vehicle that is not coordinated is ahead of it.
+    /// Vehicles that are not coordinated are in its zone.
     AmongUncoordinated,
     /// No plan keeps bounds and gaps; it asks again.
     Infeasible,

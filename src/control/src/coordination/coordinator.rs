@@ -337,11 +337,9 @@ impl ZoneVehicles {
                 }
             };
             let is_ahead = shared.is_behind() == Some(true);
-            if state.plan.is_none() && !is_ahead && !cav.defers_to_plans() {
-                let entry_s = soonest_entry_s(plan, &shared, cav.body);
-                if entry_s > now_s + PREDICTABLE_S {
-                    return None;
-                }
+            let is_uncertain = state.plan.is_none() && !is_ahead && !cav.defers_to_plans();
+            if is_uncertain && soonest_entry_s(plan, &shared, cav.body) > now_s + PREDICTABLE_S {
+                return None;
             }
             let motion = PlannedMotion { route: &cav.route, body: cav.body, plan, latest };
             Some(Heeded { motion, shared, goes_first: goes_first(near.vehicle) })

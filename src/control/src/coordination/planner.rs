@@ -64,8 +64,8 @@ enum Waits {
     BeforeFirst,
 }
 
-/// A plan that is later than this for the sake of others of whom some have no plan is none: what those will do is not
-/// known so far ahead, and the rules of the road get through sooner, seconds.
+/// The planner refuses a plan that ends more than this after the one without others, if it waits for vehicles without a plan,
+/// seconds: what those will do is not known so far ahead, and the rules of the road get through sooner.
 const MOST_LATE_AMONG_UNPLANNED_S: f64 = 3.0;
 
 /// A plan that is through sooner by less may cost more.

@@ -2,10 +2,9 @@
 //! a look at every vehicle.
 
 use crate::Cav;
+use crate::loops::BEHIND_SECTION_M;
 use city3d_roadmap::{LabMap, LaneId};
-
-/// Distance behind a section within which its exit lane begins, laboratory metres.
-pub(super) const BEHIND_SECTION_M: f64 = 0.05;
+use std::ops::RangeInclusive;
 
 /// The vehicles that have an admission to a section with a lane, by lane; rebuilt each control step. Admissions that ended
 /// within the step are still there.
@@ -40,9 +39,7 @@ impl AdmittedTowards {
 
     /// Adds an admission to one section of its route.
     pub(super) fn add_section(&mut self, vehicle: usize, cav: &Cav, section: usize) {
-        let there = &cav.route.sections[section];
-        let lanes = cav.route.index_at(there.from_s)..=cav.route.index_at(there.to_s + BEHIND_SECTION_M);
-        for &lane in &cav.route.lanes()[lanes] {
+        for &lane in &cav.route.lanes()[lanes_of(cav, section)] {
             let vehicles = &mut self.by_lane[lane.index()];
             if vehicles.is_empty() {
                 self.used.push(lane);
@@ -58,4 +55,16 @@ impl AdmittedTowards {
         vehicles.dedup();
         vehicles
     }
+}
+
+/// Indices of the lanes of a route from the start of a section to its exit lane.
+fn lanes_of(cav: &Cav, section: usize) -> RangeInclusive<usize> {
+    let there = &cav.route.sections[section];
+    cav.route.index_at(there.from_s)..=cav.route.index_at(there.to_s + BEHIND_SECTION_M)
+}
+
+/// Where a lane of a section begins along the route; `None` where the section does not use it.
+pub(super) fn lane_start(cav: &Cav, section: usize, lane: LaneId) -> Option<f64> {
+    let index = lanes_of(cav, section).find(|index| cav.route.lanes()[*index] == lane)?;
+    Some(cav.route.lane_start(index))
 }
