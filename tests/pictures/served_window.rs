@@ -12,7 +12,7 @@ use std::path::Path;
 use std::process::Command;
 
 /// The picture of the city in a window of 1280 by 720 pixels, without panels, the map and messages.
-const CITY: [u32; 4] = [440, 200, 1080, 670];
+const CITY: [u32; 4] = [460, 200, 990, 600];
 
 /// path1_b.
 const DRIVEN: VehicleId = VehicleId(2);
@@ -90,6 +90,7 @@ fn a_served_city_is_watched_driven_and_reset_in_its_window() {
     watch_and_drive(&program, &address, folder);
     // Back to the start with the same vehicles; from there on nobody drives.
     program.key("ctrl+r");
+    program.key("Return");
     let second = folder.join("served/part-2/run.mcap");
     until("18 s of the second run", || tick(&second) > 1820);
     assert_eq!(far.end(), 0);

@@ -4,6 +4,7 @@ use crate::support::live;
 
 use city3d_logbook::record::{LogEntry, LogOrigin, LogReader, LogWriter};
 use city3d_protocol::snapshot::{Event, FrameSnapshot, Pedals, SimCommand, VehicleId};
+use city3d_session::RunHistory;
 use city3d_session::playback::{Occurrence, PlaybackCommand, PlaybackError, Player, Playhead};
 use city3d_simulation::runner::Run;
 use live::roundabout;
@@ -217,12 +218,22 @@ fn no_more_is_decoded_than_is_shown_and_memory_is_bounded() {
     }
     // What running plots show of the seconds before is read for them.
     go(&mut player, PlaybackCommand::Seek(35.0));
-    player.plot_samples(VehicleId(1), 30.0);
+    let mut history = RunHistory::default();
+    player.read_history(&mut history, 30.0);
     player.advance(Instant::now());
     settle(&mut player);
-    let past = player.plot_samples(VehicleId(1), 30.0);
-    assert!((past.first().unwrap().time_s - 5.0).abs() < 0.1 && past.last().unwrap().time_s > 34.9);
-    assert!((500..=620).contains(&past.len()) && past.is_sorted_by_key(|glimpse| glimpse.time_s));
+    player.read_history(&mut history, 30.0);
+    let past = history.between(5.0, 35.0);
+    let times: Vec<f64> = past.iter().map(|state| state.time_s()).collect();
+    assert!(times[0] < 5.2 && times[times.len() - 1] > 34.8, "{times:?}");
+    assert!((280..=320).contains(&times.len()) && times.is_sorted(), "{}", times.len());
+    assert!(past.iter().all(|state| state.vehicle(VehicleId(1)).is_some()));
+    // Figures show the whole log.
+    player.read_history(&mut history, f64::INFINITY);
+    player.advance(Instant::now());
+    settle(&mut player);
+    player.read_history(&mut history, f64::INFINITY);
+    assert!((395..=420).contains(&history.states().len()), "{}", history.states().len());
 }
 
 /// Time of the last snapshot, as reading from the start finds it.

@@ -115,7 +115,7 @@ enum Command {
     /// Benchmark this machine: one line of JSON per measurement
     #[cfg(feature = "render")]
     #[command(subcommand)]
-    Bench(bench::BenchCommand),
+    Bench(Box<bench::BenchCommand>),
     /// Write files that the program carries: the map and the models
     Generate(generate::GenerateArgs),
     /// Print the licences of the software that the program contains

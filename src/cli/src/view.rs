@@ -11,7 +11,7 @@ use city3d_session::pictures::lower_priority;
 use city3d_session::remote::{self, RemoteCity, RemoteOptions};
 use city3d_session::{FileOptions, Host, RunFiles, RunFolders, Session, SessionHandle, Speed};
 use city3d_simulation::scenario::Experiment;
-use city3d_viewer::ui::{CameraMode, CityKind, QualityPreset};
+use city3d_viewer::ui::{CameraMode, CityKind, QualityPreset, Theme};
 use city3d_viewer::window::{
     self, CitySubject, LogLocation, QualityChoice, QuitSignal, ScenarioSubject, WindowError, WindowOptions,
     WindowPicture, WindowSubject,
@@ -128,6 +128,12 @@ struct WindowPictureArgs {
     /// Open the panel Traffic
     #[arg(long)]
     traffic: bool,
+    /// Theme of the panels: dark or light
+    #[arg(long, value_name = "THEME")]
+    theme: Option<Theme>,
+    /// Size of texts and widgets, 0.8 to 2
+    #[arg(long, value_name = "FACTOR")]
+    ui_scale: Option<f32>,
 }
 
 /// The name of a PNG file.
@@ -277,6 +283,8 @@ impl WindowArgs {
             previews: self.picture.preview.clone(),
             mode: self.picture.mode.map(CameraMode::from),
             traffic: self.picture.traffic,
+            theme: self.picture.theme,
+            ui_scale: self.picture.ui_scale,
             quit: QuitSignal::default(),
         }
     }
@@ -342,6 +350,7 @@ impl ViewArgs {
             logs,
             speed: self.speed,
             starts: self.start,
+            has_start_page: self.scenario.is_none() && !self.start,
             is_driven: self.driven,
         }
     }

@@ -4,6 +4,7 @@ use super::coordination::filter::FilterParams;
 use super::coordination::{CoordinatedState, MotionPlan};
 use super::decision::Decision;
 use super::estimate::RouteEstimate;
+use super::limit::Limit;
 use super::off_route;
 use super::right_of_way::RightOfWayState;
 use super::{
@@ -178,6 +179,8 @@ pub struct Cav {
     ahead_m: f64,
     /// Distance from the front bumper to the nearest place where it has no right of way yet; infinite without one.
     pub(super) wait_m: f64,
+    /// What limited it in the last control step.
+    pub(super) limit: Limit,
 }
 
 /// Largest deviation of the plan from the measurement.
@@ -234,6 +237,7 @@ impl Cav {
             is_lost: false,
             ahead_m: 0.0,
             wait_m: f64::INFINITY,
+            limit: Limit::default(),
         })
     }
 

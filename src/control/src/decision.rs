@@ -1,7 +1,9 @@
 //! The decision of a driver for one control step: what is ahead of the vehicle, and the acceleration that it permits.
 
 use crate::coordination::filter::{AccelerationBounds, Preceding, SafetyFilter};
+use crate::limit::Limit;
 use crate::{Cav, LeaderState, PlatoonBroadcast};
+use city3d_protocol::snapshot::DecisionReason;
 
 /// The decision of a driver for one control step.
 #[derive(Clone, Copy, Debug)]
@@ -11,6 +13,8 @@ pub(super) struct Decision {
     pub gives_way_at: Option<usize>,
     /// The acceleration is that of a coordinated plan.
     pub follows_plan: bool,
+    /// What the acceleration is for.
+    pub limit: Limit,
 }
 
 /// Something ahead of a vehicle that it heeds.
@@ -19,6 +23,8 @@ pub(super) struct Obstacle {
     pub kind: ObstacleKind,
     /// The section at which the vehicle gives way by stopping for it.
     pub gives_way_at: Option<usize>,
+    /// What it is, for people.
+    pub limit: Limit,
 }
 
 /// What is ahead.
@@ -44,8 +50,8 @@ pub(super) struct StopPlace {
 
 impl Obstacle {
     /// A vehicle ahead, or the end of the route.
-    pub(super) fn leader(leader: LeaderState) -> Self {
-        Self { kind: ObstacleKind::Leader(leader), gives_way_at: None }
+    pub(super) fn leader(leader: LeaderState, limit: Limit) -> Self {
+        Self { kind: ObstacleKind::Leader(leader), gives_way_at: None, limit }
     }
 
     /// What permits most of the ways to heed it: `behind` answers for a leader and the gap to keep to it at standstill.
@@ -86,10 +92,11 @@ impl Decision {
             match obstacle.kind {
                 ObstacleKind::Predecessor(_, platoon) => {
                     decision.acceleration_mps2 = cav.platoon_acceleration(&platoon);
+                    decision.limit = obstacle.limit;
                 }
                 _ => {
                     let u = obstacle.acceleration(cav, |leader, _| cav.acceleration_for(Some(leader)));
-                    decision.limit(u, obstacle.gives_way_at);
+                    decision.limit_by(u, obstacle);
                 }
             }
         }
@@ -108,19 +115,23 @@ impl Decision {
         for obstacle in ahead {
             let safe = |leader, standstill_m| cav.safe_acceleration_for(leader, standstill_m);
             let u = obstacle.acceleration(cav, safe);
-            decision.limit(u, obstacle.gives_way_at);
+            decision.limit_by(u, obstacle);
         }
         decision.filter(cav, ahead, filter);
         decision
     }
 
     fn wanting(acceleration_mps2: f64, follows_plan: bool) -> Self {
-        Self { acceleration_mps2, gives_way_at: None, follows_plan }
+        Self { acceleration_mps2, gives_way_at: None, follows_plan, limit: Limit::default() }
     }
 
-    fn limit(&mut self, acceleration_mps2: f64, gives_way_at: Option<usize>) {
+    fn limit_by(&mut self, acceleration_mps2: f64, by: &Obstacle) {
+        self.limit(acceleration_mps2, by.gives_way_at, by.limit);
+    }
+
+    fn limit(&mut self, acceleration_mps2: f64, gives_way_at: Option<usize>, limit: Limit) {
         if acceleration_mps2 < self.acceleration_mps2 {
-            *self = Self { acceleration_mps2, gives_way_at, follows_plan: false };
+            *self = Self { acceleration_mps2, gives_way_at, follows_plan: false, limit };
         }
     }
 
@@ -143,6 +154,6 @@ impl Decision {
             .map(|obstacle| obstacle.best(cav, behind, safely))
             .fold(params.bounds(cav.speed_mps(), &[]), AccelerationBounds::and);
         let limited_mps2 = filter.limit(self.acceleration_mps2, &params, bounds);
-        self.limit(limited_mps2, None);
+        self.limit(limited_mps2, None, Limit::of(DecisionReason::SafetyFilter));
     }
 }

@@ -11,6 +11,7 @@ mod decision;
 mod drivers;
 mod estimate;
 mod idm;
+mod limit;
 mod loops;
 mod off_route;
 mod plan;
@@ -29,6 +30,7 @@ pub use cav::{Cav, CavGeometry, CavSetup, Role};
 pub use controller::{CONTROLLERS, CRUISE, Controller, OwnMotion, PlatoonBroadcast, controller};
 pub use drivers::Drivers;
 pub use idm::{DriverParams, LeaderState};
+pub use limit::Limit;
 pub use ploeg::{PloegGains, PloegInputs};
 pub use right_of_way::RightOfWayParams;
 pub use route::{JunctionSection, Route, turn_of};
@@ -38,7 +40,7 @@ pub use signals::{
     Signals, WebsterLimits, WebsterTiming, all_red_time_s, webster, yellow_time_s,
 };
 
-use city3d_protocol::snapshot::VehicleId;
+use city3d_protocol::snapshot::{DecisionReason, VehicleId};
 use city3d_protocol::wire::{Measurement, Message};
 use city3d_roadmap::LabMap;
 use coordination::filter::SafetyFilter;
@@ -255,9 +257,11 @@ impl Mainframe {
                 let cav = &mut self.cavs[index];
                 cav.note_yielding(time_s, &decision, gives_way);
                 cav.apply(decision, time_s, dt_s);
+                cav.limit = Limit::applied(cav, &decision);
                 messages.push(Message::Follow(plan::trajectory(&self.map, cav, time_s)));
             } else if self.cavs[index].is_seen() {
                 // No route leads on from there.
+                self.cavs[index].limit = Limit::of(DecisionReason::OffRoute);
                 messages.push(Message::Follow(plan::stop_straight(&mut self.cavs[index], time_s)));
             }
         }
@@ -278,13 +282,21 @@ impl Mainframe {
         self.ahead.clear();
         if let Some(leader) = self.occupancy.leader(&self.cavs, index, SIGHT_M) {
             let told = self.platooning.as_ref().and_then(|p| p.broadcast(&self.cavs, index, &leader));
-            let kind = told.map_or(ObstacleKind::Leader(leader.ahead), |platoon| {
-                ObstacleKind::Predecessor(leader.ahead, platoon)
-            });
-            self.ahead.push(Obstacle { kind, gives_way_at: None });
+            let (kind, reason) = match told {
+                Some(platoon) => (ObstacleKind::Predecessor(leader.ahead, platoon), DecisionReason::Platoon),
+                None => (ObstacleKind::Leader(leader.ahead), DecisionReason::Leader),
+            };
+            let limit = Limit::behind(reason, Some(self.cavs[leader.vehicle].id), leader.ahead.gap_m);
+            self.ahead.push(Obstacle { kind, gives_way_at: None, limit });
         }
-        let others = [self.strangers.leader(cav, SIGHT_M), cav.end_of_route()];
-        self.ahead.extend(others.into_iter().flatten().map(Obstacle::leader));
+        let others = [
+            (self.strangers.leader(cav, SIGHT_M), DecisionReason::Leader),
+            (cav.end_of_route(), DecisionReason::RouteEnd),
+        ];
+        self.ahead.extend(others.into_iter().filter_map(|(ahead, reason)| {
+            let ahead = ahead?;
+            Some(Obstacle::leader(ahead, Limit::behind(reason, None, ahead.gap_m)))
+        }));
         self.yield_constraints.clear();
         let wait_m =
             self.right_of_way.yield_constraints(&self.map, index, &self.cavs, &mut self.yield_constraints);
@@ -298,7 +310,8 @@ impl Mainframe {
                 }
             };
             let gives_way_at = constraint.gives_way.then_some(constraint.section);
-            self.ahead.push(Obstacle { kind, gives_way_at });
+            let limit = Limit::of_constraint(cav, &self.cavs, constraint);
+            self.ahead.push(Obstacle { kind, gives_way_at, limit });
         }
         self.cavs[index].wait_m = wait_m;
     }

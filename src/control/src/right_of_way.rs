@@ -129,6 +129,11 @@ impl RightOfWayState {
         self.blocked_since_s.map_or(0.0, |since_s| now_s - since_s)
     }
 
+    /// Whether admission fails because of vehicles ahead.
+    pub(super) fn is_blocked(&self) -> bool {
+        self.blocked_since_s.is_some()
+    }
+
     /// How long it has stood.
     fn stood_for_s(&self, now_s: f64) -> f64 {
         self.stands_since_s.map_or(0.0, |since_s| now_s - since_s)

@@ -3,6 +3,7 @@
 #![allow(clippy::disallowed_types, reason = "reads and writes logs, on a thread of its own")]
 
 pub mod figures;
+pub mod measures;
 pub mod record;
 pub mod replay;
 pub mod sweep;

@@ -14,6 +14,8 @@ pub(super) struct Atlas {
     /// HDR or multisampled (MSAA) attachment, where passes do not draw to `color` directly.
     pub(super) samples_view: Option<wgpu::TextureView>,
     pub(super) depth_view: wgpu::TextureView,
+    /// Whether later passes read the depth buffer.
+    pub(super) keeps_depth: bool,
     /// Bindings for post-processing, where the samples are radiance.
     pub(super) hdr_target: Option<HdrTarget>,
 }
@@ -53,11 +55,13 @@ impl Atlas {
             texture("pictures", attachments.display_format, 1, attachment | wgpu::TextureUsages::COPY_SRC);
         let samples_view =
             has_samples.then(|| view(&texture("samples", attachments.format, attachments.samples, drawn)));
-        let depth_view = view(&texture("depth", DEPTH_BUFFER_FORMAT, attachments.samples, drawn));
+        let read = attachment | wgpu::TextureUsages::TEXTURE_BINDING;
+        let depth_view = view(&texture("depth", DEPTH_BUFFER_FORMAT, attachments.samples, read));
         let hdr_target = post_process.zip(samples_view.as_ref()).map(|(post_process, samples)| {
             post_process.hdr_target(device, grid.size(), [samples, &depth_view])
         });
-        Self { grid, color_view: view(&color), color, samples_view, depth_view, hdr_target }
+        let (color_view, keeps_depth) = (view(&color), post_process.is_some());
+        Self { grid, color_view, color, samples_view, depth_view, keeps_depth, hdr_target }
     }
 }
 

@@ -1,7 +1,8 @@
 //! GPU context: selects a wgpu adapter and opens device and queue, with a window or headless.
 
-use super::RenderError;
 use super::threads;
+use super::{Overlay, RenderError};
+use city3d_sensors::PictureKind;
 use rayon::prelude::*;
 use std::sync::{Arc, OnceLock};
 use tracing::{error, info};
@@ -65,6 +66,17 @@ pub struct TargetView<'a> {
     pub format: wgpu::TextureFormat,
     /// Width and height in pixels.
     pub extent: [u32; 2],
+    /// What its pixels show. Depth, classes and instances come in colours for people.
+    pub kind: PictureKind,
+    /// Lines and surfaces over a picture in colour.
+    pub overlay: Option<&'a Overlay>,
+}
+
+impl<'a> TargetView<'a> {
+    /// A target for a picture in colour, with nothing over it.
+    pub fn new(color: &'a wgpu::TextureView, format: wgpu::TextureFormat, extent: [u32; 2]) -> Self {
+        Self { color, format, extent, kind: PictureKind::Rgb, overlay: None }
+    }
 }
 
 impl Context {

@@ -16,6 +16,7 @@ use super::passes::contact::ContactPass;
 use super::passes::glow::GlowPass;
 use super::passes::lamps::LampPass;
 use super::passes::light::LightBindGroup;
+use super::passes::overlay::{OverlayPass, OverlayTarget};
 use super::passes::shadow::{ShadowPass, SunView};
 use super::passes::signals::SignalPass;
 use super::passes::sky::SkyPass;
@@ -32,7 +33,7 @@ use super::{Context, RenderError, Settings, TargetView};
 use city3d_models::Model;
 use city3d_protocol::snapshot::{BodyType, FrameSnapshot};
 use city3d_scene::SceneDescription;
-use city3d_sensors::View;
+use city3d_sensors::{PictureKind, View};
 use glam::{DMat4, DVec3, Vec3};
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -62,6 +63,8 @@ pub(super) struct DeviceRenderer {
     post_process: Option<PostProcess>,
     /// Made at the first request for depth or labels.
     ground_truth: Option<GroundTruthRenderer>,
+    /// Made at the first overlay of a target.
+    overlay: Option<OverlayPass>,
     static_scene: StaticScene,
     fleet: FleetRenderer,
     gpu_timer: Option<GpuTimer>,
@@ -158,6 +161,7 @@ impl DeviceRenderer {
             post_process: (!vertex_lit)
                 .then(|| PostProcess::new(device, attachments, quality, &frame.layout)),
             ground_truth: None,
+            overlay: None,
             static_scene: StaticScene::new(device, geometry),
             fleet: FleetRenderer::new(device, settings.flat.is_none()),
             gpu_timer: None,
@@ -309,21 +313,69 @@ impl DeviceRenderer {
     /// Draws views of one instant into targets, each view into the target of the same index.
     pub(super) fn draw(&mut self, snapshot: &FrameSnapshot, views: &[View], targets: &[TargetView<'_>]) {
         let mut encoder = self.prepare(snapshot, views);
-        self.targets.retain(|extent, _| targets.iter().any(|target| target.extent == *extent));
+        let (in_colour, in_palette): (Vec<_>, Vec<_>) = targets
+            .iter()
+            .enumerate()
+            .take(views.len())
+            .partition(|(_, target)| target.kind == PictureKind::Rgb);
+        self.targets.retain(|extent, _| in_colour.iter().any(|(_, target)| target.extent == *extent));
         let visible = self.cull_views(views);
-        for (index, target) in targets.iter().enumerate().take(views.len()) {
-            if !self.targets.contains_key(&target.extent) {
-                self.targets.insert(target.extent, self.new_atlas(target.extent, 1));
-            }
-            if let Some(post_process) = &mut self.post_process {
-                post_process.prepare_pipeline(&self.context.device, &self.frame.layout, target.format);
-            }
-            if let Some(atlas) = self.targets.get(&target.extent) {
-                let target = (target.color, target.format);
-                self.draw_tiles(&mut encoder, atlas, target, &visible, &[(index, [0, 0])]);
-            }
+        for (index, target) in in_colour {
+            self.draw_target(&mut encoder, &visible, (index, target));
         }
+        self.draw_palettes(&mut encoder, (views, &visible), &in_palette);
         self.context.queue.submit([encoder.finish()]);
+    }
+
+    /// Draws a view in colour, and the overlay of its target.
+    fn draw_target(
+        &mut self,
+        encoder: &mut wgpu::CommandEncoder,
+        visible: &[VisibleSet],
+        (index, target): (usize, &TargetView<'_>),
+    ) {
+        let overlay = target.overlay.filter(|overlay| !overlay.is_empty());
+        let keeps_depth = self.post_process.is_some() || overlay.is_some();
+        let atlas = self.targets.remove(&target.extent).unwrap_or_else(|| self.new_atlas(target.extent, 1));
+        self.targets.insert(target.extent, Atlas { keeps_depth, ..atlas });
+        let device = &self.context.device;
+        if let Some(post_process) = &mut self.post_process {
+            post_process.prepare_pipeline(device, &self.frame.layout, target.format);
+        }
+        let Some(atlas) = self.targets.get(&target.extent) else { return };
+        self.draw_tiles(encoder, atlas, (target.color, target.format), visible, &[(index, [0, 0])]);
+        if let Some(overlay) = overlay {
+            let pass = self.overlay.take().filter(|pass| pass.format() == target.format);
+            let pass = pass.unwrap_or_else(|| {
+                OverlayPass::new(device, self.attachments, &self.frame.layout, target.format)
+            });
+            let over = OverlayTarget { color: target.color, depth: &atlas.depth_view, view: index };
+            pass.draw(device, encoder, &self.frame, (over, overlay));
+            self.overlay = Some(pass);
+        }
+    }
+
+    /// Draws depth, classes or instances of views in colours.
+    fn draw_palettes(
+        &mut self,
+        encoder: &mut wgpu::CommandEncoder,
+        (views, visible): (&[View], &[VisibleSet]),
+        targets: &[(usize, &TargetView<'_>)],
+    ) {
+        let device = &self.context.device;
+        if let Some(drawing) = &mut self.ground_truth {
+            drawing.keep_extents(|extent| targets.iter().any(|(_, target)| target.extent == extent));
+        }
+        if targets.is_empty() {
+            return;
+        }
+        let drawing = self.ground_truth.get_or_insert_with(|| GroundTruthRenderer::new(device));
+        drawing.pass.write(device, &self.context.queue, views);
+        for (index, target) in targets {
+            let (static_scene, fleet) = (&self.static_scene, &self.fleet);
+            let scene = ground_truth::VisibleScene { static_scene, fleet, visible };
+            drawing.draw_in_colours(device, encoder, scene, (*index, target));
+        }
     }
 
     /// Writes the uniforms and instances of a snapshot, and redraws vehicles in the shadow map and the light map.
@@ -400,8 +452,7 @@ impl DeviceRenderer {
             None => (color, None, keep),
         };
         let attachment = wgpu::RenderPassColorAttachment { view, depth_slice: None, resolve_target, ops };
-        let depth_store =
-            if self.post_process.is_some() { wgpu::StoreOp::Store } else { wgpu::StoreOp::Discard };
+        let depth_store = if atlas.keeps_depth { wgpu::StoreOp::Store } else { wgpu::StoreOp::Discard };
         let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
             label: Some("pictures"),
             color_attachments: &[Some(attachment)],

@@ -1,14 +1,15 @@
 //! Ground truth of camera pictures: depth maps, semantic and instance segmentation, from the same culled lists as the
 //! colour pass.
 
-use super::RenderError;
 use super::device_renderer::VisibleSet;
 use super::fleet::FleetRenderer;
 use super::grid::{TileGrid, padded_row};
 use super::image::Plane;
 use super::passes::DEPTH_BUFFER_FORMAT;
 use super::passes::ground_truth::{DEPTH_MAP_FORMAT, GroundTruthPass, LABEL_FORMAT, NO_DEPTH};
+use super::passes::palette::{PalettePass, PaletteTarget};
 use super::static_scene::StaticScene;
+use super::{RenderError, TargetView};
 use city3d_protocol::snapshot::{FrameSnapshot, VehicleId};
 use std::collections::BTreeMap;
 
@@ -20,6 +21,9 @@ const PIXEL_BYTES: u64 = 12;
 pub(super) struct GroundTruthRenderer {
     pub(super) pass: GroundTruthPass,
     atlases: BTreeMap<[u32; 2], GroundTruthAtlas>,
+    /// Maps of one view each, for pictures in colours.
+    single: BTreeMap<[u32; 2], GroundTruthAtlas>,
+    palette: PalettePass,
 }
 
 /// Attachments for views of one size.
@@ -54,7 +58,35 @@ pub(super) struct VisibleScene<'a> {
 
 impl GroundTruthRenderer {
     pub(super) fn new(device: &wgpu::Device) -> Self {
-        Self { pass: GroundTruthPass::new(device), atlases: BTreeMap::new() }
+        Self {
+            pass: GroundTruthPass::new(device),
+            atlases: BTreeMap::new(),
+            single: BTreeMap::new(),
+            palette: PalettePass::new(device),
+        }
+    }
+
+    /// Draws a view of a submission in colours to a target.
+    pub(super) fn draw_in_colours(
+        &mut self,
+        device: &wgpu::Device,
+        encoder: &mut wgpu::CommandEncoder,
+        scene: VisibleScene<'_>,
+        (view, target): (usize, &TargetView<'_>),
+    ) {
+        let new = || GroundTruthAtlas::new(device, target.extent, 1, u64::MAX);
+        self.single.entry(target.extent).or_insert_with(new);
+        let atlas = &self.single[&target.extent];
+        let tile = GroundTruthTile { view, depth_at: None, labels_at: None };
+        self.draw_batch(encoder, scene, atlas, &[tile]);
+        let [depth_map, labels, _] = &atlas.targets;
+        let kind = PaletteTarget { kind: target.kind, format: target.format };
+        self.palette.draw(device, encoder, [depth_map, labels], (target.color, kind));
+    }
+
+    /// Frees the maps of pictures that are of none of these extents.
+    pub(super) fn keep_extents(&mut self, is_kept: impl Fn([u32; 2]) -> bool) {
+        self.single.retain(|extent, _| is_kept(*extent));
     }
 
     /// Draws views of one extent, at most `views_per_pass` in one render pass, and copies the requested planes into the
@@ -140,13 +172,15 @@ impl GroundTruthAtlas {
                 sample_count: 1,
                 dimension: wgpu::TextureDimension::D2,
                 format,
-                usage: usage | wgpu::TextureUsages::RENDER_ATTACHMENT,
+                usage,
                 view_formats: &[],
             })
         };
-        let depth = texture("depth map", DEPTH_MAP_FORMAT, wgpu::TextureUsages::COPY_SRC);
-        let labels = texture("labels", LABEL_FORMAT, wgpu::TextureUsages::COPY_SRC);
-        let test = texture("depth buffer of ground truth", DEPTH_BUFFER_FORMAT, wgpu::TextureUsages::empty());
+        let attachment = wgpu::TextureUsages::RENDER_ATTACHMENT;
+        let read = attachment | wgpu::TextureUsages::COPY_SRC | wgpu::TextureUsages::TEXTURE_BINDING;
+        let depth = texture("depth map", DEPTH_MAP_FORMAT, read);
+        let labels = texture("labels", LABEL_FORMAT, read);
+        let test = texture("depth buffer of ground truth", DEPTH_BUFFER_FORMAT, attachment);
         let targets =
             [&depth, &labels, &test].map(|t| t.create_view(&wgpu::TextureViewDescriptor::default()));
         Self { grid, depth, labels, targets }

@@ -264,7 +264,8 @@ impl Renderer {
 
     /// Draws views of one instant into targets, each view into the target of the same index: a window and its panels.
     /// A picture fills its target, so a view's extent should have the target's proportions. With vertex lighting,
-    /// targets must have the pixel format that the renderer was built for, without the suffix sRGB.
+    /// targets must have the pixel format that the renderer was built for, without the suffix sRGB. Targets of another kind
+    /// than colour show depth, classes or instances in colours, without the overlay.
     ///
     /// # Errors
     /// As [`Renderer::render`].

@@ -5,7 +5,7 @@ use super::passes::common::gpu_data::Frame;
 use super::passes::lamps::LAMP_REACH_M;
 use super::vehicle::VehiclePart;
 use city3d_models::glb::linear_from_srgb;
-use city3d_scene::{ASPHALT, Surface};
+use city3d_scene::{ASPHALT, Class, Surface};
 use std::borrow::Cow;
 
 /// File of `shaders/`.
@@ -38,6 +38,8 @@ const SINGLE_SAMPLE: ShaderFile = shader_file!("single_sample.wgsl");
 const MULTISAMPLE: ShaderFile = shader_file!("multisample.wgsl");
 const OCCLUSION: ShaderFile = shader_file!("occlusion.wgsl");
 const DISPLAY: ShaderFile = shader_file!("display.wgsl");
+const OVERLAY: ShaderFile = shader_file!("overlay.wgsl");
+const PALETTE: ShaderFile = shader_file!("palette.wgsl");
 
 /// Shader of a pass: the concatenation of its own file and those it builds on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -53,6 +55,8 @@ pub(super) enum Shader {
     Lamps,
     Occlusion(SampleCount),
     Display(SampleCount),
+    Overlay(SampleCount),
+    Palette,
 }
 
 /// Whether the attachments that a shader reads are multisampled (MSAA).
@@ -64,7 +68,7 @@ pub(super) enum SampleCount {
 
 impl Shader {
     #[cfg(test)]
-    pub(super) const ALL: [Self; 13] = [
+    pub(super) const ALL: [Self; 16] = [
         Self::City,
         Self::Vehicle,
         Self::Contact,
@@ -78,6 +82,9 @@ impl Shader {
         Self::Occlusion(SampleCount::Multi),
         Self::Display(SampleCount::Single),
         Self::Display(SampleCount::Multi),
+        Self::Overlay(SampleCount::Single),
+        Self::Overlay(SampleCount::Multi),
+        Self::Palette,
     ];
 
     fn parts(self) -> &'static [ShaderFile] {
@@ -95,6 +102,9 @@ impl Shader {
             Self::Occlusion(SampleCount::Multi) => &[COMMON, TILE, MULTISAMPLE, OCCLUSION],
             Self::Display(SampleCount::Single) => &[COMMON, TILE, SINGLE_SAMPLE, DISPLAY],
             Self::Display(SampleCount::Multi) => &[COMMON, TILE, MULTISAMPLE, DISPLAY],
+            Self::Overlay(SampleCount::Single) => &[COMMON, SINGLE_SAMPLE, OVERLAY],
+            Self::Overlay(SampleCount::Multi) => &[COMMON, MULTISAMPLE, OVERLAY],
+            Self::Palette => &[PALETTE],
         }
     }
 
@@ -120,6 +130,8 @@ impl Shader {
                 Self::Lamps => "lamps",
                 Self::Occlusion(_) => "occlusion",
                 Self::Display(_) => "display",
+                Self::Overlay(_) => "overlay",
+                Self::Palette => "palette",
             }),
             source: wgpu::ShaderSource::Wgsl(Cow::Owned(self.text(frame_constants))),
         })
@@ -133,6 +145,7 @@ impl Shader {
             Self::City => surface_constants(),
             Self::Vehicle => vehicle_part_constants(),
             Self::Lamps => format!("const LAMP_REACH_M: f32 = {LAMP_REACH_M:?};\n"),
+            Self::Palette => class_constants(),
             _ => String::new(),
         }
     }
@@ -163,6 +176,19 @@ fn surface_constants() -> String {
     let [r, g, b] = ASPHALT.colour.map(linear_from_srgb);
     layers.map(|(name, surface)| format!("const {name}: u32 = {}u;\n", surface as u32)).concat()
         + &format!("const ASPHALT_TINT: vec3<f32> = vec3<f32>({r:.3}, {g:.3}, {b:.3});\n")
+}
+
+/// Colours of the semantic classes, by their numbers.
+fn class_constants() -> String {
+    let colours = Class::ALL.map(|class| {
+        let [r, g, b] = class.colour().map(|part| f32::from(part) / 255.0);
+        format!("vec3<f32>({r:.4}, {g:.4}, {b:.4})")
+    });
+    let (count, colours) = (colours.len(), colours.join(", "));
+    format!(
+        "const CLASS_COUNT: u32 = {count}u;\n\
+         const CLASS_COLOURS = array<vec3<f32>, {count}>({colours});\n"
+    )
 }
 
 fn vehicle_part_constants() -> String {

@@ -323,12 +323,15 @@ impl SceneDescription {
         Self { ground, objects, instanced, walls, bounds, lamps, signals }
     }
 
-    /// The occluding walls alone, for a map without meshes.
+    /// What hides in a map without meshes, as walls: outer walls, roofs in their middle, towers.
     pub fn walls_of(map: &CityMap) -> Vec<Wall> {
         let pieces = map.scenery.iter().enumerate();
         let buildings = pieces.filter(|(_, piece)| piece.kind == SceneryKind::Building);
         buildings
-            .flat_map(|(index, piece)| buildings::opaque_walls(&SeededScenery { piece, seed: index as u32 }))
+            .flat_map(|(index, piece)| {
+                let place = SeededScenery { piece, seed: index as u32 };
+                buildings::opaque_walls(&place).into_iter().chain(buildings::upper_walls(&place))
+            })
             .collect()
     }
 

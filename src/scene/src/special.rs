@@ -1,8 +1,8 @@
 //! Special buildings by name: canopies, pavilions, towers, domes.
 
 use super::buildings::DARK;
-use super::lettering;
 use super::mesh::{Class, Finish, Mesh, Surface, Vertex};
+use super::{Wall, lettering};
 use glam::{Vec2, Vec3};
 use std::f32::consts::{FRAC_PI_2, TAU};
 
@@ -181,6 +181,28 @@ pub(super) fn additions(mesh: &mut Mesh, name: &str, ring: &[Vec2], height: f32)
         let size = Vec3::new(0.8 * ring[0].distance(ring[1]), 1.5, LINTEL_M);
         mesh.block(slab.extend(0.1 + PORTICO * height), size, yaw, STONE);
     }
+}
+
+/// A square tower of a closed building as walls, and its spire as narrower ones: what hides there.
+pub(super) fn tower(name: &str, ring: &[Vec2], height: f32) -> Vec<Wall> {
+    let centre = middle(ring);
+    let (foot, half, top, spire_m) = if name.contains("town hall") {
+        (centre, CLOCKS_OUT_M, height + 6.0, 4.2)
+    } else if name.contains("chapel") {
+        (ring[0].lerp(centre, 0.35), 1.6, height + 2.6, 6.0)
+    } else {
+        return Vec::new();
+    };
+    let yaw = (ring[1] - ring[0]).to_angle();
+    let square = |half: f32, height_m: f32| {
+        let corner = move |k: usize| {
+            let out = Vec2::from_angle(yaw + FRAC_PI_2 * (k as f32 + 0.5));
+            foot + out * (half * std::f32::consts::SQRT_2)
+        };
+        (0..4).map(move |k| Wall { from: corner(k), to: corner(k + 1), height_m })
+    };
+    let steps = [(1.0, 0.0), (0.7, 0.3), (0.4, 0.6), (0.15, 0.85)];
+    steps.into_iter().flat_map(|(width, up)| square(width * half, top + up * spire_m)).collect()
 }
 
 /// Radius of a tower or dome on the roof, if any.

@@ -166,6 +166,7 @@ impl Camera {
                     position: state.position + state.orientation * position,
                     orientation: state.orientation * body_from_camera,
                 };
+                let extrinsics = outside_of_others(snapshot, (state, extrinsics));
                 return Ok(View { carrier: Some(vehicle), ..View::new(extrinsics, lens) });
             }
             Self::Chase { vehicle, distance_m, height_m } => {
@@ -188,6 +189,39 @@ impl Camera {
         };
         Ok(View::new(extrinsics, lens))
     }
+}
+
+/// Room between a camera and the body of another vehicle, city metres.
+const CLEARANCE_M: f64 = 0.15;
+
+/// The pose of an onboard camera, drawn back along its vehicle out of the bodies of others, which it is in after a crash:
+/// from inside, a body would be an empty shell.
+fn outside_of_others(
+    snapshot: &FrameSnapshot,
+    (own, mut extrinsics): (&VehicleState, Extrinsics),
+) -> Extrinsics {
+    let back = -own.forward().extend(0.0);
+    for (other, info) in snapshot.iter().filter(|(other, _)| other.id != own.id) {
+        let d = &info.dimensions;
+        let reach_m = d.length_m + CLEARANCE_M;
+        if other.position.distance_squared(extrinsics.position) > reach_m * reach_m {
+            continue;
+        }
+        let into_body = other.orientation.inverse();
+        let eye = into_body * (extrinsics.position - other.position);
+        let height_m = d.height_m * info.appearance.body.height_factor();
+        let half = DVec2::new(d.length_m, d.width_m) / 2.0 + CLEARANCE_M;
+        if eye.x.abs() < half.x && eye.y.abs() < half.y && (0.0..height_m).contains(&eye.z) {
+            // To the nearer of the faces that lie on the way back (slab test).
+            let way = into_body * back;
+            let to_face = |at: f64, half: f64, way: f64| {
+                if way.abs() < 1e-6 { f64::INFINITY } else { (half * way.signum() - at) / way }
+            };
+            let out_m = to_face(eye.x, half.x, way.x).min(to_face(eye.y, half.y, way.y));
+            extrinsics.position += back * out_m;
+        }
+    }
+    extrinsics
 }
 
 fn carrier(
@@ -243,6 +277,31 @@ mod tests {
         let left = ahead.cross(DVec3::Z) * -5.0;
         assert!(view.project(at + left).unwrap().x < 300.0);
         assert_eq!(view.carrier, Some(VehicleId(7)));
+    }
+
+    #[test]
+    fn after_a_crash_a_camera_is_not_inside_of_the_other_body() {
+        let mut seen = snapshot(0.0);
+        let free = Camera::onboard(VehicleId(7), Mount::Bumper).view(&seen, &Lens::default()).unwrap();
+        let eye = free.extrinsics.position;
+        // The other one stands across, and its side lies behind the camera.
+        let other = VehicleState {
+            id: VehicleId(8),
+            position: eye.with_z(0.0) + DVec3::X * 1.0,
+            orientation: DQuat::from_axis_angle(DVec3::Z, std::f64::consts::FRAC_PI_2),
+            ..VehicleState::default()
+        };
+        seen.vehicles.push(other);
+        let info = VehicleInfo { id: VehicleId(8), ..seen.roster[0].clone() };
+        Arc::make_mut(&mut seen.roster).push(info);
+        let view = Camera::onboard(VehicleId(7), Mount::Bumper).view(&seen, &Lens::default()).unwrap();
+        let into_side_m = eye.x + 1.0 - 1.25 - view.extrinsics.position.x;
+        assert!((into_side_m - CLEARANCE_M).abs() < 1e-9, "{into_side_m} m before its side");
+        assert_eq!(view.extrinsics.orientation, free.extrinsics.orientation);
+        // One that only stands near changes nothing.
+        seen.vehicles[1].position.x += 1.0;
+        let view = Camera::onboard(VehicleId(7), Mount::Bumper).view(&seen, &Lens::default()).unwrap();
+        assert_eq!(view.extrinsics, free.extrinsics);
     }
 
     #[test]

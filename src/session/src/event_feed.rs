@@ -1,7 +1,8 @@
-//! Events of the present run for a window: each once, although a window sees only some of the snapshots.
+//! Events and past states of the present run for a window, which itself sees only some of the snapshots: each event once,
+//! and states at a steady rate.
 
 use super::playback::{DriverChanges, TimelineMark};
-use super::{Inputs, Moment, MomentKind};
+use super::{HistoryFeed, Inputs, Moment, MomentKind, PoseWatch};
 use city3d_protocol::wire::Body;
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -10,8 +11,8 @@ use std::sync::{Arc, Mutex, PoisonError};
 pub struct EventFeed(Arc<Mutex<Vec<TimelineMark>>>);
 
 impl EventFeed {
-    fn extend(&self, marks: impl Iterator<Item = TimelineMark>) {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner).extend(marks);
+    fn extend(&self, marks: &[TimelineMark]) {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner).extend_from_slice(marks);
     }
 }
 
@@ -40,39 +41,71 @@ impl EventReader {
     }
 }
 
-/// Collects the events of moments into feeds.
-#[derive(Debug, Default)]
+/// Collects the events and the states of moments into feeds.
+#[derive(Debug)]
 pub(super) struct EventCollector {
     feed: EventFeed,
+    history: HistoryFeed,
     drivers: DriverChanges,
+    watch: PoseWatch,
+    /// The events of the source have its collisions.
+    tells_collisions: bool,
 }
 
 impl EventCollector {
-    /// The feed of the present run.
+    /// A collector for a new run.
+    pub(super) fn new(tells_collisions: bool) -> Self {
+        Self {
+            feed: EventFeed::default(),
+            history: HistoryFeed::default(),
+            drivers: DriverChanges::default(),
+            watch: PoseWatch::default(),
+            tells_collisions,
+        }
+    }
+
+    /// Forgets the run: another one begins.
+    pub(super) fn restart(&mut self) {
+        *self = Self::new(self.tells_collisions);
+    }
+
+    /// The events of the present run.
     pub(super) fn feed(&self) -> EventFeed {
         self.feed.clone()
     }
 
-    /// Adds the events of a moment; the first one of a run begins another feed.
-    pub(super) fn take(&mut self, moment: &Moment<'_>) {
+    /// The past states of the present run.
+    pub(super) fn history(&self) -> HistoryFeed {
+        self.history.clone()
+    }
+
+    /// Adds the events of a moment, and returns them; the first moment of a run begins other feeds.
+    pub(super) fn take(&mut self, moment: &Moment<'_>) -> Vec<TimelineMark> {
         match moment.kind {
-            MomentKind::Still => return,
-            MomentKind::First => *self = Self::default(),
+            MomentKind::Still => return Vec::new(),
+            MomentKind::First => self.restart(),
             MomentKind::Tick | MomentKind::Applied => {}
         }
-        self.feed.extend(moment.snapshot.events.iter().map(TimelineMark::from));
+        let mut marks: Vec<TimelineMark> = moment.snapshot.events.iter().map(TimelineMark::from).collect();
+        marks.extend(self.watch.observe(moment.snapshot, self.tells_collisions));
         let (from_s, drivers) = (moment.from.1, &mut self.drivers);
         match moment.inputs {
             Inputs::None => {}
             Inputs::Commands(commands) => {
-                self.feed.extend(commands.iter().filter_map(|command| drivers.mark_command(from_s, command)));
+                marks.extend(commands.iter().filter_map(|command| drivers.mark_command(from_s, command)));
             }
             Inputs::Network(applied, _) => {
-                self.feed.extend(applied.iter().filter_map(|applied| match applied.body {
+                marks.extend(applied.iter().filter_map(|applied| match applied.body {
                     Body::Drive { vehicle, pedals, .. } => drivers.mark(from_s, vehicle, pedals.is_some()),
                     _ => None,
                 }));
             }
         }
+        let is_grave = marks.iter().any(|mark| mark.what.is_grave());
+        self.history.take(moment.snapshot, is_grave);
+        if !marks.is_empty() {
+            self.feed.extend(&marks);
+        }
+        marks
     }
 }

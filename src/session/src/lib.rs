@@ -10,10 +10,12 @@
 #[cfg(feature = "render")]
 pub mod capture;
 mod clock;
+mod decisions;
 mod end;
 mod error;
 mod event_feed;
 pub mod fork;
+mod history;
 pub mod link_benchmark;
 mod local;
 mod loss_reporter;
@@ -37,22 +39,26 @@ mod session;
 mod source;
 mod state;
 mod udp_poses;
+mod watch;
 
 pub use city3d_network::host::Host;
 pub use city3d_simulation::scenario::LoadError;
 pub use clock::{PacingClock, Speed};
+pub use decisions::{ControlInsight, decisions};
 pub use end::{End, EndFailure, EndHealth, RunAccount};
 pub use error::{ExistingResults, SessionError};
 pub use event_feed::{EventFeed, EventReader};
+pub use history::{HISTORY_LIMIT, HistoryFeed, KEPT_EVERY_S, PastState, RunHistory};
 pub use local::LocalCity;
 pub use moment::{Inputs, Moment, MomentKind, SenderLabels, StepTiming};
-pub use order::{Order, OrderSender, Orders, orders};
+pub use order::{Order, OrderSender, Orders, RunGoal, orders};
 pub use overwrite::Overwrite;
 pub use plans::{CoordinationState, NoPlan, PLACE_STEP_S, PlannedPassage, PlannedPlace, ZoneVehicle};
 pub use run_files::{FileOptions, FilesWritten, RunFiles, RunFolders, WallTime};
 pub use session::{OnReport, OnUpdate, Session, SessionEnd, SessionHandle, SessionReport, SessionStopper};
 pub use source::{Now, Pace, Source, Step};
 pub use state::{EndStatus, LinkStatus, RunPhase, RunState};
+pub use watch::{LONG_STOP_S, PoseWatch};
 
 use city3d_simulation::scenario::{Experiment, ScenarioRequest};
 use std::sync::Arc;

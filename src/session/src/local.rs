@@ -135,7 +135,12 @@ impl Source for LocalCity {
             Order::Drive(..) | Order::Release(_) => {
                 self.commands.extend(order.vehicle().zip(order.vehicle_command()));
             }
-            Order::Pause | Order::Speed(_) | Order::TellPlans(_) => {}
+            // The session stops the clock at a goal.
+            Order::Pause
+            | Order::Speed(_)
+            | Order::RunUntil(_)
+            | Order::TellPlans(_)
+            | Order::TellDecisions(_) => {}
         }
         Ok(())
     }

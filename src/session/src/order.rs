@@ -1,6 +1,7 @@
 //! Orders: what a person or a program wants of a city that runs.
 
 use super::Speed;
+use super::playback::{MarkKind, TimelineMark};
 use city3d_network::host::Host;
 use city3d_protocol::snapshot::{Pedals, SimCommand, VehicleId};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, TryRecvError, TrySendError, sync_channel};
@@ -16,6 +17,8 @@ pub enum Order {
     Pause,
     /// One tick, then pause.
     Step,
+    /// Starts the clock, and stops it once the run has come to a goal. Another order about the clock ends this one.
+    RunUntil(RunGoal),
     /// Back to the initial conditions, paused; the files of the present run are finished first.
     Reset,
     /// Sets the target speed.
@@ -26,6 +29,31 @@ pub enum Order {
     Release(VehicleId),
     /// Whether published states tell the plans of coordinated vehicles. It changes nothing in the city.
     TellPlans(bool),
+    /// Whether published states tell the decisions of the control framework and the delays of its commands. It changes
+    /// nothing in the city.
+    TellDecisions(bool),
+}
+
+/// Where a run is to pause by itself.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum RunGoal {
+    /// At the first tick that is not before this simulated time, seconds.
+    Time(f64),
+    /// At the next event of this kind; `None` for any event.
+    Event(Option<MarkKind>),
+}
+
+impl RunGoal {
+    /// Whether a run has come to it by a tick with these events.
+    pub(crate) fn is_met(&self, time_s: f64, marks: &[TimelineMark]) -> bool {
+        const ROUNDING_S: f64 = 1e-9;
+        match *self {
+            Self::Time(goal_s) => time_s >= goal_s - ROUNDING_S,
+            Self::Event(wanted) => {
+                marks.iter().any(|mark| wanted.is_none_or(|wanted| mark.what.kind() == wanted))
+            }
+        }
+    }
 }
 
 impl Order {

@@ -111,6 +111,8 @@ pub struct FilesWritten {
     pub folder: Option<PathBuf>,
     /// Summary of the run that ended last.
     pub summary: Option<Summary>,
+    /// Summary of the present run as it was at the scenario's duration, once it has come there.
+    pub outcome: Option<Arc<Summary>>,
     /// The first failure.
     pub failure: Option<EndFailure>,
 }
@@ -326,7 +328,7 @@ impl RunFiles {
     ) {
         let mut written = self.written.lock().unwrap_or_else(PoisonError::into_inner);
         written.folders.extend(folder.clone());
-        written.folder = folder;
+        (written.folder, written.outcome) = (folder, None);
         drop(written);
         self.open = Some(OpenRun {
             folder: locked,
@@ -444,6 +446,12 @@ impl RunFiles {
                 self.fail(error);
             }
         }
+        let is_at_end = moment.kind == MomentKind::Tick && moment.snapshot.tick == moment.experiment.ticks();
+        if let Some(open) = self.open.as_ref().filter(|_| is_at_end) {
+            let summary = open.summary(moment, open.events.clone(), self.wall_time);
+            let mut written = self.written.lock().unwrap_or_else(PoisonError::into_inner);
+            written.outcome = Some(Arc::new(summary));
+        }
     }
 }
 
@@ -475,20 +483,25 @@ impl OpenRun {
         Ok(recorded?)
     }
 
+    /// What the run has come to with the snapshot of a moment.
+    fn summary(&self, last: &Moment<'_>, events: Vec<Event>, wall_time: WallTime) -> Summary {
+        let wall = match wall_time {
+            WallTime::Whole => last.timing.done.saturating_duration_since(self.start),
+            WallTime::Steps => self.steps,
+        };
+        Summary::new(last.experiment, &self.observer, last.snapshot, events, wall.as_secs_f64())
+    }
+
     /// The summary, and the files that close with it.
     fn finish(
-        self,
+        mut self,
         last: &Moment<'_>,
         account: &RunAccount,
         origin: LogOrigin,
         wall_time: WallTime,
     ) -> (Summary, Option<Result<ClosingFiles, RecordError>>) {
-        let wall = match wall_time {
-            WallTime::Whole => last.timing.done.saturating_duration_since(self.start),
-            WallTime::Steps => self.steps,
-        };
-        let summary =
-            Summary::new(last.experiment, &self.observer, last.snapshot, self.events, wall.as_secs_f64());
+        let events = std::mem::take(&mut self.events);
+        let summary = self.summary(last, events, wall_time);
         let stopped_at_tick = account.is_stopped.then_some(last.snapshot.tick);
         let summary = Summary {
             coordination: last.mainframe.and_then(Mainframe::coordination_report),

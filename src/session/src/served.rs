@@ -466,7 +466,7 @@ impl Source for ServedCity {
                 Body::Drive { vehicle: *vehicle, sequence: 0, pedals: Some(*pedals) }
             }
             Order::Release(vehicle) => Body::Drive { vehicle: *vehicle, sequence: 0, pedals: None },
-            Order::TellPlans(_) => return Ok(()),
+            Order::RunUntil(_) | Order::TellPlans(_) | Order::TellDecisions(_) => return Ok(()),
         };
         let now_s = self.now_s(self.host.clock.now());
         self.world.operate(now_s, body)

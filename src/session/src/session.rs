@@ -5,20 +5,22 @@ mod handle;
 pub use handle::{OnUpdate, SessionHandle, SessionStopper};
 
 use super::clock::RealTimeFactorMeter;
+use super::decisions::DecisionTeller;
 use super::end::{Ends, RunAccount};
 use super::event_feed::EventCollector;
+use super::playback::TimelineMark;
 use super::source::{Now, Pace, Source, Step};
 use super::state::{EndStatus, LatestState};
 use super::{
-    CoordinationState, Inputs, LinkStatus, Moment, MomentKind, Order, OrderSender, Orders, PacingClock,
-    RunPhase, RunState, SessionError, Speed, StepTiming, orders,
+    CoordinationState, FilesWritten, Inputs, LinkStatus, Moment, MomentKind, Order, OrderSender, Orders,
+    PacingClock, RunGoal, RunPhase, RunState, SessionError, Speed, StepTiming, orders,
 };
 use city3d_network::host::Host;
 use city3d_protocol::snapshot::FrameSnapshot;
 use city3d_simulation::runner::{LinkSummary, PicturesSummary, RosSummary};
 use handle::UpdateSignal;
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 /// Interval at which a moment is told again while the clock stands, for those who have missed it.
@@ -65,8 +67,11 @@ pub struct Session<S: Source> {
     reported_at: Instant,
     view: Option<View>,
     refusal: Option<(u64, Arc<str>)>,
+    /// Where the run is to pause by itself.
+    goal: Option<RunGoal>,
     /// Published states tell plans.
     tells_plans: bool,
+    decisions: DecisionTeller,
     on_report: Option<OnReport>,
     /// A failure of an end ends the session.
     is_strict: bool,
@@ -103,7 +108,7 @@ struct View {
     published_at: Instant,
     /// Where moments come as they arrive: a clock to interpolate by.
     arrival_clock: Option<PacingClock>,
-    folder: Box<dyn Fn() -> Option<std::path::PathBuf> + Send>,
+    files: Option<Arc<Mutex<FilesWritten>>>,
     link: Option<Arc<LinkStatus>>,
     ends: Arc<Vec<EndStatus>>,
     events: EventCollector,
@@ -131,7 +136,9 @@ impl<S: Source> Session<S> {
             reported_at: now,
             view: None,
             refusal: None,
+            goal: None,
             tells_plans: false,
+            decisions: DecisionTeller::default(),
             on_report: None,
             is_strict: false,
             host,
@@ -271,6 +278,12 @@ impl<S: Source> Session<S> {
     }
 
     fn carry_out(&mut self, order: Order) {
+        match order {
+            Order::RunUntil(goal) => return self.run_until(goal),
+            // Whoever takes the run in hand has another goal.
+            Order::Start | Order::Pause | Order::Step | Order::Reset => self.goal = None,
+            _ => {}
+        }
         match (self.source.order(&order), order) {
             (Ok(()), Order::Speed(speed)) => {
                 self.speed = speed;
@@ -278,15 +291,43 @@ impl<S: Source> Session<S> {
                 self.rate = RealTimeFactorMeter::new(self.host.clock.now(), self.source.snapshot().time_s);
             }
             (Ok(()), Order::TellPlans(tells_plans)) => self.tells_plans = tells_plans,
+            (Ok(()), Order::TellDecisions(is_asked)) => self.decisions.ask(is_asked),
             // Pedals come with every frame, and show with the next tick.
             (Ok(()), Order::Drive(..) | Order::Release(_)) => return,
             (Ok(()), _) => {}
-            (Err(why), _) => {
-                let count = self.refusal.as_ref().map_or(0, |(count, _)| *count);
-                self.refusal = Some((count + 1, why.into()));
-            }
+            (Err(why), _) => self.refuse(why),
         }
         self.publish(true);
+    }
+
+    fn refuse(&mut self, why: String) {
+        let count = self.refusal.as_ref().map_or(0, |(count, _)| *count);
+        self.refusal = Some((count + 1, why.into()));
+    }
+
+    /// Lets the run go on until it has come to a goal.
+    fn run_until(&mut self, goal: RunGoal) {
+        let now_s = self.source.snapshot().time_s;
+        let started = match goal {
+            RunGoal::Time(time_s) if time_s <= now_s => Err(format!("the run is at {now_s:.2} s already")),
+            _ if self.source.is_running() => Ok(()),
+            _ => self.source.order(&Order::Start),
+        };
+        match started {
+            Ok(()) => self.goal = Some(goal),
+            Err(why) => self.refuse(why),
+        }
+        self.publish(true);
+    }
+
+    /// Pauses a run that has come to its goal.
+    fn pause_at_goal(&mut self, marks: &[TimelineMark]) {
+        let time_s = self.source.snapshot().time_s;
+        if self.goal.take_if(|goal| goal.is_met(time_s, marks)).is_some()
+            && let Err(why) = self.source.order(&Order::Pause)
+        {
+            self.refuse(why);
+        }
     }
 
     /// Makes the step that is due.
@@ -383,9 +424,13 @@ impl<S: Source> Session<S> {
         let inputs = if kind == MomentKind::Still { Inputs::None } else { self.source.inputs() };
         let moment = moment(&self.source, &self.host, (kind, inputs), (from, timing));
         self.ends.take(&moment);
+        self.decisions.take(&moment);
         if let (Some(view), true) = (&mut self.view, kind != MomentKind::Still) {
-            view.events.take(&moment);
+            let marks = view.events.take(&moment);
             view.is_stale = true;
+            if kind == MomentKind::Tick {
+                self.pause_at_goal(&marks);
+            }
         }
         self.told_at = self.host.clock.now();
     }
@@ -402,9 +447,9 @@ impl<S: Source> Session<S> {
         let moment = Moment { snapshot: last, ..moment };
         self.ends.finish_run(&moment, &account);
         self.run += 1;
-        self.has_begun = false;
+        (self.has_begun, self.goal) = (false, None);
         if let Some(view) = &mut self.view {
-            view.events = EventCollector::default();
+            view.events.restart();
         }
         self.rate = RealTimeFactorMeter::new(self.host.clock.now(), self.source.snapshot().time_s);
         self.publish(true);
@@ -425,7 +470,8 @@ impl<S: Source> Session<S> {
 
     fn finish(&mut self) -> Result<(), SessionError> {
         let last = self.source.snapshot().clone();
-        self.end_run(&last, !self.is_over());
+        let is_whole = self.is_over() || self.source.phase() == RunPhase::Over;
+        self.end_run(&last, !is_whole);
         self.run -= 1;
         self.ends.close();
         self.check_ends()
@@ -501,6 +547,14 @@ impl<S: Source> Session<S> {
         let coordination = mainframe.and_then(|mainframe| {
             CoordinationState::of(mainframe, self.source.experiment(), snapshot.time_s).map(Arc::new)
         });
+        let (folder, outcome) = match &view.files {
+            Some(files) => {
+                let files = files.lock().unwrap_or_else(PoisonError::into_inner);
+                (files.folder.clone(), files.outcome.clone())
+            }
+            None => (None, None),
+        };
+        let insight = self.decisions.insight(self.source.mainframe(), self.source.experiment()).map(Arc::new);
         view.latest_state.put(RunState {
             before,
             now: Arc::clone(&view.latest),
@@ -509,11 +563,15 @@ impl<S: Source> Session<S> {
             clock,
             real_time_factor: if is_running { self.rate.factor() } else { 0.0 },
             run: self.run,
-            folder: (view.folder)(),
+            folder,
+            outcome,
             link: view.link.clone(),
             ends: Arc::clone(&view.ends),
             coordination,
+            insight,
             events: view.events.feed(),
+            history: view.events.history(),
+            goal: self.goal,
             refusal: self.refusal.clone(),
             has_ended: false,
         });

@@ -1,7 +1,8 @@
 //! State of a session as a window shows it.
 
-use super::{CoordinationState, EventFeed, PacingClock, Speed};
+use super::{ControlInsight, CoordinationState, EventFeed, HistoryFeed, PacingClock, RunGoal, Speed};
 use city3d_protocol::snapshot::{FrameSnapshot, VehicleId};
+use city3d_simulation::runner::Summary;
 use std::path::PathBuf;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Instant;
@@ -92,14 +93,22 @@ pub struct RunState {
     pub run: u32,
     /// Folder of the recording, once the run has begun.
     pub folder: Option<PathBuf>,
+    /// What the run has come to at the scenario's duration; `None` before, and where the session has no files.
+    pub outcome: Option<Arc<Summary>>,
     /// The link of a city that is served or elsewhere.
     pub link: Option<Arc<LinkStatus>>,
     /// The ends of the session.
     pub ends: Arc<Vec<EndStatus>>,
     /// Plans of coordinated vehicles, where they are asked for and the control framework is in this process.
     pub coordination: Option<Arc<CoordinationState>>,
+    /// Decisions of the control framework and delays of its commands, where they are asked for.
+    pub insight: Option<Arc<ControlInsight>>,
     /// Events of the present run so far.
     pub events: EventFeed,
+    /// Past states of the present run.
+    pub history: HistoryFeed,
+    /// Where the run is to pause by itself.
+    pub goal: Option<RunGoal>,
     /// The last order that was refused, counted, and why.
     pub refusal: Option<(u64, Arc<str>)>,
     /// The session has ended.
@@ -118,10 +127,14 @@ impl RunState {
             real_time_factor: 0.0,
             run: 1,
             folder: None,
+            outcome: None,
             link: None,
             ends: Arc::default(),
             coordination: None,
+            insight: None,
             events: EventFeed::default(),
+            history: HistoryFeed::default(),
+            goal: None,
             refusal: None,
             has_ended: false,
         }

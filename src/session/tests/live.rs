@@ -13,7 +13,7 @@ mod support;
 use city3d_logbook::record::read_commands;
 use city3d_protocol::snapshot::{FrameSnapshot, Pedals, Status, VehicleId};
 use city3d_session::playback::MarkKind;
-use city3d_session::{EventReader, Order, RunPhase, SessionHandle, Speed};
+use city3d_session::{EventReader, Order, RunGoal, RunHistory, RunPhase, SessionHandle, Speed};
 use city3d_simulation::runner::Run;
 use city3d_simulation::scenario::{Experiment, Library, Overrides, read_experiment};
 use std::cell::RefCell;
@@ -132,6 +132,56 @@ fn a_reader_hears_each_event_of_the_run_once_however_fast_it_goes() {
     live.send(Order::Reset);
     let again = until(&live, "reset", |run_state| run_state.phase == RunPhase::Ready);
     assert_eq!((reader.read(&again.events), reader.marks().len()), (0, 0));
+}
+
+#[test]
+fn a_run_goes_on_up_to_a_time_or_an_event_and_pauses_exactly_there() {
+    let live = live(None);
+    live.send(Order::Speed(Speed::Unlimited));
+    live.send(Order::RunUntil(RunGoal::Time(2.345)));
+    let paused = until(&live, "the time", |run_state| run_state.phase == RunPhase::Paused);
+    assert_eq!((paused.now.tick, paused.goal), (235, None));
+    assert_eq!(paused.now.state_hash, reference(235).state_hash);
+    live.send(Order::RunUntil(RunGoal::Time(1.0)));
+    let refused = until(&live, "the refusal", |run_state| run_state.refusal.is_some());
+    assert_eq!(refused.refusal.as_ref().unwrap().1.as_ref(), "the run is at 2.35 s already");
+    live.send(Order::RunUntil(RunGoal::Event(Some(MarkKind::Stop))));
+    let stopped = until(&live, "the event", |run_state| {
+        run_state.phase == RunPhase::Paused && run_state.now.tick > 235
+    });
+    let mut reader = EventReader::default();
+    reader.read(&stopped.events);
+    let stops: Vec<f64> =
+        reader.marks().iter().filter(|mark| mark.what.kind() == MarkKind::Stop).map(|m| m.time_s).collect();
+    assert_eq!(stops, [stopped.now.time_s], "the first stop of the run, at its tick");
+    // Whoever starts it by hand has no goal any more.
+    live.send(Order::RunUntil(RunGoal::Time(30.0)));
+    live.send(Order::Start);
+    until(&live, "the end", |run_state| run_state.phase == RunPhase::Over);
+}
+
+#[test]
+fn the_past_of_a_run_is_kept_from_its_start_without_a_log_and_ends_with_it() {
+    let live = live(None);
+    live.send(Order::Speed(Speed::Unlimited));
+    live.send(Order::RunUntil(RunGoal::Time(20.0)));
+    let paused = until(&live, "20 s", |run_state| run_state.phase == RunPhase::Paused);
+    let mut history = RunHistory::default();
+    history.read(&paused.history);
+    let times: Vec<f64> = history.states().iter().map(|state| state.time_s()).collect();
+    assert!(times.len() == 201 && times[0] == 0.0, "{times:?}");
+    assert!(times.windows(2).all(|pair| (pair[1] - pair[0] - 0.1).abs() < 1e-6), "{times:?}");
+    let then = history.states()[73].snapshot(&roundabout(40.0));
+    let wanted = reference(730);
+    assert_eq!((then.tick, then.state_hash, &then.roster), (730, wanted.state_hash, &wanted.roster));
+    for (kept, was) in then.vehicles.iter().zip(&wanted.vehicles) {
+        assert_eq!((kept.position, kept.status), (was.position, was.status));
+        assert!((kept.speed_mps - was.speed_mps).abs() < 1e-5 && (kept.gas - was.gas).abs() < 1e-6);
+    }
+    live.send(Order::Reset);
+    let again = until(&live, "reset", |run_state| run_state.phase == RunPhase::Ready);
+    history.read(&again.history);
+    assert_eq!(history.states().len(), 0);
 }
 
 #[test]

@@ -1,6 +1,6 @@
 //! Vehicles that do not go: those that stall although they were admitted, and those that a signal holds.
 
-use super::{ASKS_AGAIN_S, Reservation, STALLED_AFTER_S};
+use super::{ASKS_AGAIN_S, Reservation, RightOfWay, STALLED_AFTER_S};
 use crate::Cav;
 use crate::signals::{self, Signals};
 use city3d_protocol::snapshot::Aspect;
@@ -21,6 +21,23 @@ pub(super) fn revoke_stalled_admissions(now_s: f64, cav: &mut Cav) {
         let passage = &mut cav.passage;
         passage.revoke_from(first);
         (passage.stalled_since_s, passage.asks_from_s) = (None, now_s + ASKS_AGAIN_S);
+    }
+}
+
+impl RightOfWay {
+    /// The nearest vehicle that has the right of way in the next section of another one, or is on its way through.
+    pub(crate) fn holder(&self, vehicle: usize, cavs: &[Cav]) -> Option<usize> {
+        let cav = &cavs[vehicle];
+        let section = cav.route.sections.get(cav.passage.next_section)?;
+        let crossings = cav.route.crossings[section.crossings.clone()].iter();
+        let users = crossings.flat_map(|crossing| {
+            let others = self.users[crossing.zone.index()].iter();
+            others.filter(move |user| user.side != crossing.side && user.vehicle != vehicle)
+        });
+        let holds = |user: &&super::ZoneUser| {
+            user.order.is_some() || !self.leaves_room(user, section.rank, &cavs[user.vehicle])
+        };
+        users.filter(holds).min_by(|a, b| a.to_entry_m.total_cmp(&b.to_entry_m)).map(|user| user.vehicle)
     }
 }
 

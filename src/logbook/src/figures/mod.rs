@@ -1,4 +1,4 @@
-//! Metrics and figures of recorded runs, from their logs alone.
+//! Metrics and figures of runs, from their logs alone, or while they go on.
 
 pub mod chart;
 mod compare;
@@ -6,6 +6,7 @@ mod draw;
 mod occupancy;
 mod paths;
 mod plan;
+mod quantity;
 mod run;
 mod series;
 mod table;
@@ -16,7 +17,8 @@ pub use compare::{CompareError, Comparison, ComparisonRow, ComparisonValue, RunH
 pub use draw::{DrawError, FigureSize, WriteError, png, svg, write};
 pub use occupancy::{ZoneStay, zone_stays};
 pub use paths::{MergingPoint, PathError, Stream, StreamLayout, StreamMember, crossings, merges};
-pub use run::{RunError, RunLog, Trace, TraceSample};
+pub use quantity::{FigureScale, Quantity, SeriesFigure};
+pub use run::{RunError, RunLog, Trace, TraceBuilder, TraceSample};
 pub use series::{AVERAGED_S, differences, moving_average, rms_speed_difference};
 pub use table::{TidyTable, number};
 pub use track::{LaneVisit, MatchedPath};

@@ -1,15 +1,18 @@
-//! A recorded run as read from its log: the input of figures and tables.
+//! A run as read from its log, or as it is seen while it goes on: the input of figures and tables.
 
 use super::track::{LaneBoxes, MatchedPath};
-use crate::record::{LogEntry, LogOrigin, LogReader, LoggedVehicle, NetworkCommand, RecordError};
+use crate::record::{LogEntry, LogOrigin, LogReader, NetworkCommand, RecordError};
 use city3d_geometry::Pose2;
-use city3d_protocol::snapshot::{Dimensions, Event, SimCommand, Status, Trajectory, VehicleId};
+use city3d_protocol::snapshot::{
+    Dimensions, Event, SimCommand, Status, Trajectory, VehicleId, VehicleInfo, VehicleState,
+};
 use city3d_protocol::wire::Body;
 use city3d_simulation::environment::EnvironmentSpec;
 use city3d_simulation::scenario::Experiment;
 use glam::DVec2;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use thiserror::Error;
 
 /// A log that has nothing to draw.
@@ -47,6 +50,12 @@ pub struct TraceSample {
     pub pose: Pose2,
     /// Along the heading.
     pub speed_mps: f64,
+    /// Along the heading.
+    pub acceleration_mps2: f64,
+    /// Counter-clockwise seen from above.
+    pub yaw_rate_radps: f64,
+    /// Steering angle of the front axle's middle, left-positive.
+    pub steering_rad: f64,
     /// Distance driven since the start.
     pub distance_m: f64,
     /// Front-axle centre from the desired path, left-positive.
@@ -83,15 +92,15 @@ impl Trace {
     }
 }
 
-/// A recorded run.
+/// A run with the traces of its vehicles.
 #[derive(Debug)]
 pub struct RunLog {
-    /// File of the log.
+    /// File of the log; empty for a run that goes on.
     pub path: PathBuf,
     /// Kind of program that wrote the log.
     pub origin: LogOrigin,
     /// Scenario, map and settings, as embedded in the log.
-    pub experiment: Experiment,
+    pub experiment: Arc<Experiment>,
     /// Version of City3D that wrote the log.
     pub version: String,
     /// Why the log is truncated, if it is.
@@ -113,8 +122,8 @@ impl RunLog {
     /// Where it is no log, or one without a vehicle in it.
     pub fn read(path: &Path) -> Result<Self, RunError> {
         let mut log = LogReader::open(path)?;
-        let experiment = log.experiment()?;
-        let mut builder = TraceBuilder::new(&experiment);
+        let experiment = Arc::new(log.experiment()?);
+        let mut builder = TraceBuilder::new(Arc::clone(&experiment));
         let mut events = Vec::new();
         while let Some(entry) = log.read()? {
             match entry {
@@ -130,7 +139,7 @@ impl RunLog {
                 }
                 LogEntry::Snapshot(snapshot) => {
                     let vehicles = snapshot.vehicles.iter();
-                    vehicles.for_each(|vehicle| builder.see(snapshot.time_s, vehicle));
+                    vehicles.for_each(|vehicle| builder.see(snapshot.time_s, &vehicle.state()));
                 }
                 LogEntry::Tick { .. } | LogEntry::Arrival { .. } => {}
             }
@@ -140,22 +149,8 @@ impl RunLog {
             let why = truncation.map(|why| format!(" ({why})")).unwrap_or_default();
             return Err(RunError::Empty { path: path.to_path_buf(), why });
         }
-        let (origin, version) = (log.origin(), log.version().to_owned());
-        let TraceBuilder { traces, end_s, has_physical, .. } = builder;
-        let mut vehicles: Vec<Trace> = traces.into_values().collect();
-        let bounds = LaneBoxes::of(&experiment.city_map);
-        for trace in &mut vehicles {
-            let axle_m = trace.dimensions.front_axle_m();
-            let poses: Vec<Pose2> = trace.samples.iter().map(|sample| sample.pose.advanced(axle_m)).collect();
-            trace.track = MatchedPath::of(&experiment.city_map, &bounds, &poses);
-            if !origin.has_world() {
-                // Logs of poses have no desired path: the offset from the lane centre replaces the lateral error.
-                let lateral = trace.track.lateral_m.iter();
-                trace.samples.iter_mut().zip(lateral).for_each(|(sample, &m)| sample.lateral_error_m = m);
-            }
-        }
-        let path = path.to_path_buf();
-        Ok(Self { path, origin, experiment, version, truncation, vehicles, events, end_s, has_physical })
+        let version = log.version().to_owned();
+        Ok(Self { path: path.to_path_buf(), version, truncation, events, ..builder.finish(log.origin()) })
     }
 
     /// The trace of a vehicle; `None` where no snapshot has it.
@@ -185,9 +180,10 @@ fn commands_of(command: &NetworkCommand, experiment: &Experiment) -> Result<Vec<
     body.into_commands(experiment.scale, &experiment.vehicle_types)
 }
 
-/// Builds the traces while a log is read.
-struct TraceBuilder<'a> {
-    experiment: &'a Experiment,
+/// Builds the traces of a run, from a log or while it goes on.
+#[derive(Clone, Debug)]
+pub struct TraceBuilder {
+    experiment: Arc<Experiment>,
     traces: BTreeMap<VehicleId, Trace>,
     /// Names and dimensions of vehicles that came over the link.
     set_up: BTreeMap<VehicleId, (String, Dimensions)>,
@@ -197,10 +193,51 @@ struct TraceBuilder<'a> {
     has_physical: bool,
 }
 
-impl<'a> TraceBuilder<'a> {
-    fn new(experiment: &'a Experiment) -> Self {
+impl TraceBuilder {
+    /// No vehicle of the experiment has been seen yet.
+    pub fn new(experiment: Arc<Experiment>) -> Self {
         let (traces, set_up, wanted) = (BTreeMap::new(), BTreeMap::new(), BTreeMap::new());
         Self { experiment, traces, set_up, wanted, end_s: 0.0, has_physical: false }
+    }
+
+    /// The traces so far, in id order; nothing is known of their lanes.
+    pub fn traces(&self) -> impl Iterator<Item = &Trace> {
+        self.traces.values()
+    }
+
+    /// Takes name and dimensions of a vehicle that the experiment does not plan.
+    pub fn describe(&mut self, info: &VehicleInfo) {
+        if !self.traces.contains_key(&info.id) && !self.set_up.contains_key(&info.id) {
+            self.set_up.insert(info.id, (info.name.clone(), info.dimensions));
+        }
+    }
+
+    /// Matches the traces to lanes.
+    pub fn finish(self, origin: LogOrigin) -> RunLog {
+        let Self { experiment, traces, end_s, has_physical, .. } = self;
+        let mut vehicles: Vec<Trace> = traces.into_values().collect();
+        let bounds = LaneBoxes::of(&experiment.city_map);
+        for trace in &mut vehicles {
+            let axle_m = trace.dimensions.front_axle_m();
+            let poses: Vec<Pose2> = trace.samples.iter().map(|sample| sample.pose.advanced(axle_m)).collect();
+            trace.track = MatchedPath::of(&experiment.city_map, &bounds, &poses);
+            if !origin.has_world() {
+                // Logs of poses have no desired path: the offset from the lane centre replaces the lateral error.
+                let lateral = trace.track.lateral_m.iter();
+                trace.samples.iter_mut().zip(lateral).for_each(|(sample, &m)| sample.lateral_error_m = m);
+            }
+        }
+        RunLog {
+            path: PathBuf::new(),
+            origin,
+            experiment,
+            version: String::new(),
+            truncation: None,
+            vehicles,
+            events: Vec::new(),
+            end_s,
+            has_physical,
+        }
     }
 
     fn take(&mut self, command: SimCommand) {
@@ -224,8 +261,8 @@ impl<'a> TraceBuilder<'a> {
         Trace { id, name, dimensions, samples: Vec::new(), track: MatchedPath::default() }
     }
 
-    fn see(&mut self, time_s: f64, vehicle: &LoggedVehicle) {
-        let state = vehicle.state();
+    /// Adds the state of a vehicle at a time; an earlier time than the last one begins its trace anew.
+    pub fn see(&mut self, time_s: f64, state: &VehicleState) {
         self.end_s = self.end_s.max(time_s);
         self.has_physical |= state.status == Status::Physical;
         if !self.traces.contains_key(&state.id) {
@@ -244,6 +281,9 @@ impl<'a> TraceBuilder<'a> {
             time_s,
             pose,
             speed_mps: state.speed_mps,
+            acceleration_mps2: state.acceleration_mps2,
+            yaw_rate_radps: state.yaw_rate_radps,
+            steering_rad: state.steering_rad,
             distance_m: state.distance_m,
             lateral_error_m: state.tracked_lateral_error_m().unwrap_or(f64::NAN),
             gas: state.gas,

@@ -274,7 +274,7 @@ impl<'a> FigureSet<'a> {
     }
 
     /// Speed against position of the vehicles of one path.
-    fn speed(&self, stream: usize) -> Figure {
+    pub fn speed(&self, stream: usize) -> Figure {
         let path = format!("Path {}", stream + 1);
         let mut figure = self.figure(
             &format!("speed_path_{}", stream + 1),
@@ -305,7 +305,7 @@ impl<'a> FigureSet<'a> {
     }
 
     /// Position against time, all paths aligned at the merging point.
-    fn position(&self) -> Figure {
+    pub fn position(&self) -> Figure {
         let columns = ["run", "path", "vehicle", "name", "time_s", "position_m"];
         let mut figure =
             self.figure("position", "positions of all paths, aligned at the merging point", &columns);
@@ -344,7 +344,7 @@ impl<'a> FigureSet<'a> {
     }
 
     /// Space-time diagram: position against time of each path, coloured by speed.
-    fn space_time(&self) -> Figure {
+    pub fn space_time(&self) -> Figure {
         let mut figure = self.figure("space_time", "space-time diagram", &SEGMENT_COLUMNS);
         let all = 0..self.layout.streams.len();
         let (mut fastest, mut last_s) = (LEAST_SPEED_MPS, 0.0_f64);

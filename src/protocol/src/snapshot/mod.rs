@@ -6,6 +6,7 @@
 
 mod check;
 mod command;
+mod decision;
 mod event;
 mod limits;
 mod signal;
@@ -16,6 +17,7 @@ pub use check::SpecError;
 pub use command::{
     Appearance, BodyType, MeasuredPose, Pedals, Setup, SimCommand, Trajectory, TrajectoryPoint, is_newer,
 };
+pub use decision::{ControlDecision, DecisionReason};
 pub use event::{Event, EventKind};
 pub use signal::{Aspect, SignalAspects, SignalHeadId};
 pub use spec::{

@@ -9,6 +9,8 @@ pub(super) mod ground_truth;
 pub(super) mod lamps;
 pub(super) mod light;
 pub(super) mod occlusion;
+pub(super) mod overlay;
+pub(super) mod palette;
 pub(super) mod shadow;
 pub(super) mod signals;
 pub(super) mod sky;

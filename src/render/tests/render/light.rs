@@ -210,7 +210,7 @@ fn a_target_of_anyones_shows_what_is_read_back() {
             view_formats: &[],
         });
         let color = texture.create_view(&wgpu::TextureViewDescriptor::default());
-        let target = TargetView { color: &color, format, extent: [160, 120] };
+        let target = TargetView::new(&color, format, [160, 120]);
         renderer.draw(&FrameSnapshot::default(), &[view], &[target]).expect("drawn");
         let shown = texels(&context, &texture);
         let far = wanted

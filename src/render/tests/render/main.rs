@@ -13,4 +13,5 @@ mod images;
 mod instances;
 mod kinds;
 mod light;
+mod overlay;
 mod signals;

@@ -119,6 +119,22 @@ pub(super) fn opaque_walls(place: &SeededScenery<'_>) -> Vec<Wall> {
     sides().map(|(from, to)| Wall { from, to, height_m }).collect()
 }
 
+/// What hides above the eaves: the inner half of the roof, up to half its rise, and a tower. Not as exact as
+/// [`opaque_walls`]: for labels, which need not be.
+pub(super) fn upper_walls(place: &SeededScenery<'_>) -> Vec<Wall> {
+    let outer = opaque_walls(place);
+    let Some(eaves_m) = outer.first().map(|wall| wall.height_m) else { return Vec::new() };
+    let (ring, height_m) = (outline(place), height_of(place));
+    let middle = ring.iter().copied().sum::<Vec2>() / ring.len() as f32;
+    let roof = outer.iter().map(|wall| Wall {
+        from: middle.lerp(wall.from, 0.5),
+        to: middle.lerp(wall.to, 0.5),
+        height_m: (eaves_m + height_m) / 2.0,
+    });
+    let tower = special::tower(&place.piece.name.to_lowercase(), &ring, height_m);
+    roof.chain(tower).collect()
+}
+
 /// Number of storeys of about [`STOREY_M`].
 fn storeys_up_to(eaves: f32) -> f32 {
     (eaves / STOREY_M).round().max(1.0)

@@ -1,9 +1,10 @@
 //! Events of a recorded run for the timeline: logged events, and take-overs by a person.
 
+use crate::LONG_STOP_S;
 use city3d_logbook::record::LogEntry;
 use city3d_protocol::snapshot::{Event, EventKind, SimCommand, VehicleId};
 use city3d_simulation::scenario::Rates;
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 
 /// An event on the timeline.
 #[derive(Clone, Debug, PartialEq)]
@@ -25,6 +26,8 @@ pub enum Occurrence {
     TakeOver,
     /// The person handed the vehicle back to its control algorithm.
     GiveBack,
+    /// It has stood for [`LONG_STOP_S`](crate::LONG_STOP_S) where it should be on its way.
+    LongStop,
 }
 
 /// The class of an event, in rising order of severity: it sets the colour of the mark.
@@ -40,6 +43,8 @@ pub enum MarkKind {
     Merge,
     /// A person took control or handed it back.
     Person,
+    /// It has stood for a long time.
+    LongStop,
     /// Its link, or the sight of it, was lost or came back.
     Link,
     /// It collided with a vehicle or a static obstacle.
@@ -51,6 +56,7 @@ impl Occurrence {
     pub fn kind(&self) -> MarkKind {
         match self {
             Self::TakeOver | Self::GiveBack => MarkKind::Person,
+            Self::LongStop => MarkKind::LongStop,
             Self::Event(event) => match event {
                 EventKind::Collision { .. } | EventKind::CollisionStatic { .. } => MarkKind::Collision,
                 EventKind::LinkLost | EventKind::LinkBack | EventKind::Unseen | EventKind::SeenAgain => {
@@ -68,11 +74,21 @@ impl Occurrence {
         }
     }
 
+    /// Whether it is reported at once: a collision, a long stop, a lost link.
+    pub fn is_grave(&self) -> bool {
+        match self {
+            Self::LongStop => true,
+            Self::Event(event) => event.is_collision() || *event == EventKind::LinkLost,
+            Self::TakeOver | Self::GiveBack => false,
+        }
+    }
+
     /// The event in words.
     pub fn label(&self) -> String {
         let event = match self {
             Self::TakeOver => return "take-over".to_owned(),
             Self::GiveBack => return "given back".to_owned(),
+            Self::LongStop => return format!("stopped for {LONG_STOP_S:.0} s"),
             Self::Event(event) => event,
         };
         match event {
@@ -134,23 +150,68 @@ impl DriverChanges {
 pub(super) struct MarkCollector {
     rates: Rates,
     drivers: DriverChanges,
+    /// When vehicles stopped that still stand.
+    stopped: BTreeMap<VehicleId, f64>,
 }
 
 impl MarkCollector {
     pub(super) fn new(rates: Rates) -> Self {
-        Self { rates, drivers: DriverChanges::default() }
+        Self { rates, drivers: DriverChanges::default(), stopped: BTreeMap::new() }
     }
 
-    /// `None` for entries that are no event.
-    pub(super) fn mark(&mut self, entry: &LogEntry) -> Option<TimelineMark> {
+    /// The marks of an entry: none for one that is no event, two where it ends a long stop.
+    pub(super) fn marks(&mut self, entry: &LogEntry) -> Vec<TimelineMark> {
         match entry {
-            LogEntry::Event(event) => Some(event.into()),
-            LogEntry::Command { tick, command } => {
-                self.drivers.mark_command(self.rates.time_s(*tick), command)
+            LogEntry::Event(event) => {
+                let mut marks = vec![event.into()];
+                marks.extend(self.long_stop(event));
+                marks
             }
-            _ => None,
+            LogEntry::Command { tick, command } => {
+                let mark = self.drivers.mark_command(self.rates.time_s(*tick), command);
+                if let Some(mark) = &mark {
+                    self.stopped.remove(&mark.vehicle);
+                }
+                mark.into_iter().collect()
+            }
+            _ => Vec::new(),
         }
     }
+
+    /// The long stop that an event ends. What ends a stop otherwise than by moving off makes it none.
+    fn long_stop(&mut self, event: &Event) -> Option<TimelineMark> {
+        match event.kind {
+            EventKind::Stop => {
+                self.stopped.insert(event.vehicle, event.time_s);
+                None
+            }
+            EventKind::Yield | EventKind::LinkLost | EventKind::LinkBack => None,
+            EventKind::Go { .. } => {
+                let since_s = self.stopped.remove(&event.vehicle)?;
+                long_stop(event.vehicle, since_s, event.time_s)
+            }
+            EventKind::Collision { with } => {
+                self.stopped.remove(&event.vehicle);
+                self.stopped.remove(&with);
+                None
+            }
+            _ => {
+                self.stopped.remove(&event.vehicle);
+                None
+            }
+        }
+    }
+
+    /// Long stops that go on at the end of the log.
+    pub(super) fn finish(&mut self, end_s: f64) -> Vec<TimelineMark> {
+        let stopped = std::mem::take(&mut self.stopped);
+        stopped.into_iter().filter_map(|(vehicle, since_s)| long_stop(vehicle, since_s, end_s)).collect()
+    }
+}
+
+fn long_stop(vehicle: VehicleId, since_s: f64, to_s: f64) -> Option<TimelineMark> {
+    let time_s = since_s + LONG_STOP_S;
+    (time_s <= to_s).then_some(TimelineMark { time_s, vehicle, what: Occurrence::LongStop })
 }
 
 #[cfg(test)]
@@ -163,7 +224,8 @@ mod tests {
         let id = VehicleId(3);
         let mut marker = MarkCollector::new(Rates::default());
         let mut mark = |tick, command| {
-            marker.mark(&LogEntry::Command { tick, command }).map(|mark| (mark.time_s, mark.what))
+            let marks = marker.marks(&LogEntry::Command { tick, command });
+            marks.first().map(|mark| (mark.time_s, mark.what.clone()))
         };
         let drive = |gas| SimCommand::Drive(id, Pedals { gas, ..Pedals::default() });
         assert_eq!(mark(150, drive(0.1)), Some((1.5, Occurrence::TakeOver)));
@@ -178,11 +240,30 @@ mod tests {
         let mut marker = MarkCollector::new(Rates::default());
         let mut of = |kind| {
             let event = Event { time_s: 2.0, vehicle: VehicleId(1), kind };
-            marker.mark(&LogEntry::Event(event)).map(|mark| (mark.what.label(), mark.what.kind()))
+            let marks = marker.marks(&LogEntry::Event(event));
+            marks.first().map(|mark| (mark.what.label(), mark.what.kind()))
         };
         let collision = of(EventKind::Collision { with: VehicleId(7) });
         assert_eq!(collision, Some(("collision with 7".to_owned(), MarkKind::Collision)));
         assert_eq!(of(EventKind::Go { stood_s: 2.24 }), Some(("go after 2.2 s".to_owned(), MarkKind::Usual)));
         assert_eq!(of(EventKind::LinkBack), Some(("link back".to_owned(), MarkKind::Link)));
+    }
+
+    #[test]
+    fn stops_of_half_a_minute_are_found_in_the_events_of_a_log() {
+        let mut marker = MarkCollector::new(Rates::default());
+        let mut found = Vec::new();
+        let mut take = |time_s, id, kind| {
+            let entry = LogEntry::Event(Event { time_s, vehicle: VehicleId(id), kind });
+            let marks = marker.marks(&entry).into_iter().filter(|mark| mark.what == Occurrence::LongStop);
+            found.extend(marks.map(|mark| (mark.time_s, mark.vehicle.0)));
+        };
+        (1..=5).for_each(|id| take(2.0, id, EventKind::Stop));
+        take(12.0, 1, EventKind::Go { stood_s: 10.0 });
+        take(40.0, 2, EventKind::Go { stood_s: 38.0 });
+        take(40.0, 3, EventKind::Finish);
+        take(50.0, 5, EventKind::Stop);
+        found.extend(marker.finish(60.0).into_iter().map(|mark| (mark.time_s, mark.vehicle.0)));
+        assert_eq!(found, [(32.0, 2), (32.0, 4)]);
     }
 }

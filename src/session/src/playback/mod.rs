@@ -1,5 +1,6 @@
 //! Playback of recorded runs at any speed, forwards and backwards, with random access to any time. It shows the
-//! snapshots of the log, interpolated; nothing is simulated.
+//! snapshots of the log, interpolated; nothing is simulated. [`PastPlayer`] does the same with the past of a run that goes
+//! on.
 //!
 //! A prefetch thread decodes the MCAP chunks around the playhead into a bounded cache. While no chunk is requested,
 //! it scans the whole log for events. The window never waits for it.
@@ -7,18 +8,19 @@
 mod benchmark;
 mod chunk_cache;
 mod marks;
+mod past;
+mod past_cache;
 mod player;
 mod playhead;
-mod plot_cache;
 mod prefetch;
 mod registry;
 
 pub use benchmark::{PlaybackReport, benchmark};
 pub(crate) use marks::DriverChanges;
 pub use marks::{MarkKind, Occurrence, TimelineMark};
+pub use past::PastPlayer;
 pub use player::{LogInfo, PlaybackStats, Player};
 pub use playhead::{PlaybackCommand, Playhead, SPEEDS};
-pub use plot_cache::PlotSample;
 
 /// Why a log cannot be played.
 #[derive(Debug, thiserror::Error)]

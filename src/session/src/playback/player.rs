@@ -3,13 +3,12 @@
 use super::PlaybackError;
 use super::chunk_cache::{SnapshotPair, bracketing, chunk_at, find};
 use super::marks::{MarkCollector, TimelineMark};
-use super::playhead::{FrameTimer, PlaybackCommand, Playhead, SeekTarget, TIME_TOLERANCE_S};
-use super::plot_cache::{PlotCache, PlotSample};
+use super::past_cache::PastCache;
+use super::playhead::{FrameTimer, PlaybackCommand, Playhead, SeekTarget};
 use super::prefetch::{ChunkPrefetcher, ReadRequest, ReaderMonitor, SharedState};
 use super::registry::VehicleRegistry;
-use crate::{RunPhase, RunState, Speed};
+use crate::{PoseWatch, RunHistory, RunPhase, RunState, Speed};
 use city3d_logbook::record::{ChunkedLog, EntryFilter, LogOrigin, LogReader};
-use city3d_protocol::snapshot::VehicleId;
 use city3d_simulation::scenario::Experiment;
 use std::path::Path;
 use std::sync::Arc;
@@ -56,6 +55,8 @@ pub struct Player {
     weight: f64,
     requested: Option<(ReadRequest, u64)>,
     past_s: f64,
+    /// Revision of the past states that were read last.
+    past_read: Option<u64>,
 }
 
 impl Player {
@@ -72,7 +73,7 @@ impl Player {
         let state = SharedState {
             readable: log.chunks().len(),
             truncation: log.truncation().map(ToString::to_string),
-            past: PlotCache::default(),
+            past: PastCache::default(),
             ..SharedState::default()
         };
         let shared = Arc::new(ReaderMonitor::new(state));
@@ -81,7 +82,9 @@ impl Player {
             begins_s: Arc::clone(&begins_s),
             registry: VehicleRegistry::of(Arc::clone(&experiment)),
             marker: MarkCollector::new(experiment.rates),
+            watch: (!reader.origin().has_world()).then(PoseWatch::default),
             shared: Arc::clone(&shared),
+            end_s: None,
             on_update,
         };
         if reader.origin() == LogOrigin::Served {
@@ -89,6 +92,7 @@ impl Player {
         }
         let empty = || PlaybackError::Empty(path.to_path_buf());
         let (first, last) = prefetcher.first_and_last().ok_or_else(empty)?;
+        prefetcher.end_s = Some(last.time_s);
         let run_state = RunState::standing(Arc::clone(&first), RunPhase::Paused);
         let thread = std::thread::Builder::new().name("log".to_owned()).spawn(move || prefetcher.work());
         Ok(Self {
@@ -105,6 +109,7 @@ impl Player {
             weight: 1.0,
             requested: None,
             past_s: 0.0,
+            past_read: None,
         })
     }
 
@@ -176,12 +181,15 @@ impl Player {
         }
     }
 
-    /// Plot samples of a vehicle over the last `past_s` seconds; the prefetch thread keeps this span loaded from now
-    /// on.
-    pub fn plot_samples(&mut self, vehicle: VehicleId, past_s: f64) -> Vec<PlotSample> {
+    /// Reads the past states that are loaded. The prefetch thread keeps those of the last `past_s` seconds loaded from
+    /// now on, and of the whole log where that is infinite.
+    pub fn read_history(&mut self, history: &mut RunHistory, past_s: f64) {
         self.past_s = past_s;
-        let to_s = self.head.at_s + TIME_TOLERANCE_S;
-        self.shared.lock().past.of(vehicle, to_s - past_s, to_s)
+        let state = self.shared.lock();
+        if self.past_read != Some(state.past.revision()) {
+            self.past_read = Some(state.past.revision());
+            state.past.read(history);
+        }
     }
 
     /// Advances to an instant. Returns the state to show and the interpolation weight between `before` (0) and `now`

@@ -25,6 +25,8 @@ pub enum PlaybackCommand {
     Show(f64),
     /// Sets the speed as a multiple of real time.
     Speed(f64),
+    /// Shows the present of a run that goes on; of a log, its end.
+    Live,
 }
 
 /// The target of a seek that is not resolved yet, simulated seconds.
@@ -116,6 +118,7 @@ impl Playhead {
             }
             PlaybackCommand::Seek(time_s) => Some(SeekTarget::Nearest(within(time_s))),
             PlaybackCommand::Show(time_s) => Some(SeekTarget::NotBefore(within(time_s))),
+            PlaybackCommand::Live => Some(SeekTarget::Nearest(self.to_s)),
             PlaybackCommand::Speed(speed) => {
                 let [slowest, .., fastest] = SPEEDS;
                 self.speed = if speed.is_finite() { speed.abs().clamp(slowest, fastest) } else { 1.0 };

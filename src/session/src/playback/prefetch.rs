@@ -2,9 +2,10 @@
 //! scan for events.
 
 use super::chunk_cache::{ChunkCache, DecodedChunk, chunk_at};
-use super::marks::{MarkCollector, TimelineMark};
-use super::plot_cache::PlotCache;
+use super::marks::{MarkCollector, Occurrence, TimelineMark};
+use super::past_cache::PastCache;
 use super::registry::VehicleRegistry;
+use crate::PoseWatch;
 use city3d_logbook::record::{ChunkedLog, EntryFilter, LogEntry, RecordError};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 
@@ -15,7 +16,7 @@ pub(super) struct ReadRequest {
     pub(super) chunk: usize,
     /// Predicted time of the next frame, seconds.
     pub(super) next_s: f64,
-    /// Running plots are open: they need this many seconds before `at_s`.
+    /// Plots and figures are open: they need this many seconds before `at_s`, the whole log where it is infinite.
     pub(super) past_s: f64,
     pub(super) at_s: f64,
 }
@@ -26,7 +27,7 @@ pub(super) struct SharedState {
     pub(super) request: Option<ReadRequest>,
     pub(super) is_closing: bool,
     pub(super) cache: ChunkCache,
-    pub(super) past: PlotCache,
+    pub(super) past: PastCache,
     /// In order of time.
     pub(super) marks: Arc<Vec<TimelineMark>>,
     /// Number of chunks that have been scanned for events.
@@ -87,7 +88,11 @@ pub(super) struct ChunkPrefetcher {
     pub(super) begins_s: Arc<Vec<f64>>,
     pub(super) registry: VehicleRegistry,
     pub(super) marker: MarkCollector,
+    /// Finds in the snapshots what a log of poses alone has no events of.
+    pub(super) watch: Option<PoseWatch>,
     pub(super) shared: Arc<ReaderMonitor>,
+    /// Time of the last snapshot.
+    pub(super) end_s: Option<f64>,
     pub(super) on_update: Box<dyn Fn() + Send>,
 }
 
@@ -155,7 +160,7 @@ impl ChunkPrefetcher {
         let decoded = self.read_chunk(chunk)?;
         let mut state = self.shared.lock();
         state.decoded += 1;
-        state.past.insert(chunk, &decoded, wanted);
+        state.past.insert(chunk, &decoded);
         state.cache.insert(chunk, Arc::clone(&decoded), wanted);
         Some(decoded)
     }
@@ -199,8 +204,13 @@ impl ChunkPrefetcher {
             return None;
         }
         let state = self.shared.lock();
-        let first = chunk_at(&self.begins_s, request.at_s - request.past_s);
-        let last = chunk_at(&self.begins_s, request.at_s).min(state.readable.checked_sub(1)?);
+        let end = state.readable.checked_sub(1)?;
+        let (first, last) = if request.past_s.is_finite() {
+            let from = chunk_at(&self.begins_s, request.at_s - request.past_s);
+            (from, chunk_at(&self.begins_s, request.at_s).min(end))
+        } else {
+            (0, end)
+        };
         (first..=last).rev().find(|chunk| !state.past.has(*chunk))
     }
 
@@ -208,7 +218,7 @@ impl ChunkPrefetcher {
         let Some(decoded) = self.read_chunk(chunk) else { return };
         let mut state = self.shared.lock();
         state.decoded += 1;
-        state.past.insert(chunk, &decoded, request.chunk);
+        state.past.insert(chunk, &decoded);
         drop(state);
         if chunk.is_multiple_of(16) || self.missing_plot_chunk(request).is_none() {
             (self.on_update)();
@@ -224,15 +234,28 @@ impl ChunkPrefetcher {
             match self.log.read(chunk, EntryFilter::Events) {
                 Ok(entries) => {
                     for entry in &entries {
-                        found.extend(self.marker.mark(entry));
+                        found.extend(self.marker.marks(entry));
                         is_new_vehicle |= self.registry.register(entry);
                     }
                 }
                 Err(error) => return self.truncate_at(chunk, &error),
             }
         }
+        if let Some(mut watch) = self.watch.take() {
+            for snapshot in self.read_chunk(chunk).iter().flat_map(|decoded| decoded.iter()) {
+                let marks = watch.observe(snapshot, false);
+                // Long stops are found by the events of the log.
+                found.extend(marks.into_iter().filter(|mark| mark.what != Occurrence::LongStop));
+            }
+            self.watch = Some(watch);
+        }
         let mut state = self.shared.lock();
         state.searched = chunk + 1;
+        if state.searched == state.readable
+            && let Some(end_s) = self.end_s
+        {
+            found.extend(self.marker.finish(end_s));
+        }
         if !found.is_empty() {
             let marks = Arc::make_mut(&mut state.marks);
             marks.append(&mut found);
@@ -242,6 +265,7 @@ impl ChunkPrefetcher {
         if is_new_vehicle {
             // Cached snapshots show new vehicles with default properties.
             state.cache.clear();
+            state.past.clear();
         }
         let is_news = state.searched == state.readable
             || state.searched.is_multiple_of(NOTIFY_EVERY_CHUNKS)

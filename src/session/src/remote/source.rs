@@ -76,7 +76,9 @@ impl Source for RemoteCity {
                 car.drive(&mut self.connection, None);
                 Ok(())
             }
-            (Order::Release(_) | Order::TellPlans(_), _) => Ok(()),
+            (Order::Release(_) | Order::RunUntil(_) | Order::TellPlans(_) | Order::TellDecisions(_), _) => {
+                Ok(())
+            }
             (Order::Drive(vehicle, _), Role::Visit(_)) => {
                 Err(format!("vehicle {vehicle} is not yours: you drive the car that you have brought"))
             }

@@ -61,11 +61,6 @@ impl<S: Source + 'static> Session<S> {
             ..RunState::standing(Arc::clone(&first), self.source.phase())
         };
         let latest_state = Arc::new(LatestState::new(state));
-        let folder_of = files.clone();
-        let folder = move || {
-            let files = folder_of.as_ref()?;
-            files.lock().unwrap_or_else(PoisonError::into_inner).folder.clone()
-        };
         let updates = UpdateSignal::default();
         self.view = Some(View {
             latest_state: Arc::clone(&latest_state),
@@ -74,10 +69,10 @@ impl<S: Source + 'static> Session<S> {
             is_stale: false,
             published_at: self.host.clock.now(),
             arrival_clock: None,
-            folder: Box::new(folder),
+            files: files.clone(),
             link,
             ends: Arc::default(),
-            events: EventCollector::default(),
+            events: EventCollector::new(self.source.origin().has_world()),
         });
         let (sender, stop) = (self.sender.take().map(Arc::new), Arc::clone(&self.stop));
         let (ended, told) = (Arc::clone(&latest_state), updates.clone());

@@ -1,8 +1,10 @@
 //! Somebody who watches a city elsewhere.
 
-use crate::lab::{CITY, Lab, Program, Told, scenario, serving};
+use crate::lab::{CITY, Lab, Program, Told, named, scenario, serving};
 use city3d_network::simulated::SimulatedOptions;
-use city3d_session::MomentKind;
+use city3d_protocol::snapshot::{EventKind, Pedals, Status, VehicleId};
+use city3d_session::playback::Occurrence;
+use city3d_session::{MomentKind, Order, PoseWatch};
 use city3d_simulation::scenario::Experiment;
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -101,4 +103,51 @@ fn a_watcher_says_its_trouble_and_finds_the_city_again() {
         assert_eq!(runs, 2, "of each city one");
         [far, city].iter().for_each(|program| director.end(program));
     });
+}
+
+#[test]
+fn poses_tell_a_watcher_of_the_collisions_that_the_city_reports() {
+    let lab = Lab::new(SimulatedOptions::default());
+    let experiment = scenario("roundabout", 30.0);
+    let [ahead, behind] = ["path1_b", "path1_c"].map(|name| named(&experiment, name));
+    let (city, far) = (lab.serve(&experiment, serving(), None), lab.mainframe(&experiment, None));
+    let watcher = lab.watcher(&known(&experiment));
+    let (served, seen) = (city.clone(), watcher.clone());
+    lab.direct(move |director| {
+        director.until(&watcher, "do they drive", |told| told.driving() >= 5 && told.snapshot.time_s > 1.0);
+        // On a straight road, one brakes and the next one does not.
+        city.order(Order::Drive(ahead, Pedals { brake: 1.0, ..Pedals::default() }));
+        city.order(Order::Drive(behind, Pedals { gas: 0.5, ..Pedals::default() }));
+        director.until(&city, "a collision", |told| told.count(Status::Collided) > 0);
+        director.pass(1.0);
+        [watcher, far, city].iter().for_each(|program| director.end(program));
+    });
+    let told = served.told();
+    let events = told.iter().flat_map(|told| &told.snapshot.events);
+    let reported: Vec<_> = events.filter(|event| event.kind.is_collision()).cloned().collect();
+    let mut watch = PoseWatch::default();
+    let found: Vec<_> = seen
+        .told()
+        .iter()
+        .filter(|told| told.kind == MomentKind::Tick)
+        .flat_map(|told| watch.observe(&told.snapshot, false))
+        .collect();
+    let of = |found: &[(f64, Vec<VehicleId>)]| found.iter().map(|(_, who)| who.clone()).collect::<Vec<_>>();
+    let pair = |vehicle: VehicleId, kind: &EventKind| match kind {
+        EventKind::Collision { with } => vec![vehicle, *with],
+        _ => vec![vehicle],
+    };
+    let reported: Vec<_> =
+        reported.iter().map(|event| (event.time_s, pair(event.vehicle, &event.kind))).collect();
+    let found: Vec<_> = found
+        .iter()
+        .filter_map(|mark| match &mark.what {
+            Occurrence::Event(kind) => Some((mark.time_s, pair(mark.vehicle, kind))),
+            _ => None,
+        })
+        .collect();
+    assert!(!reported.is_empty());
+    assert_eq!(of(&found), of(&reported), "{found:?} {reported:?}");
+    let late = found.iter().zip(&reported).map(|(found, reported)| (found.0 - reported.0).abs());
+    assert!(late.fold(0.0, f64::max) < 0.1, "{found:?} {reported:?}");
 }

@@ -13,6 +13,7 @@ mod place;
 mod report;
 mod surrogate;
 mod tracked;
+mod traffic_place;
 
 pub use audit::{AuditFinding, LEAST_DISPLACEMENT_M, RATIO_TOLERANCE};
 pub use encroachment::{Encroachment, PET_S};
@@ -23,6 +24,7 @@ pub use place::Station;
 pub use report::{EffortReport, SafetyReport, TrafficReport, TravelReport, VehicleTraffic, ZoneReport};
 pub use surrogate::{DRAC_MPS2, Following, Safety, TTC_S};
 pub use tracked::{Tracked, Trip};
+pub use traffic_place::{LaneFinder, LanePose, LeaderAhead, SIGHT_M, TrafficPlace};
 
 use crate::scenario::Experiment;
 use city3d_control::coordination::ControlZone;

@@ -5,6 +5,7 @@ mod feasibility;
 mod fields;
 mod grid_scenario;
 mod inflow;
+mod map_alone;
 mod models;
 mod placement;
 mod read;
@@ -26,6 +27,7 @@ pub use experiment::{Expectations, Experiment, Physical, PlannedVehicle, Rates, 
 pub use fields::Problem;
 pub use grid_scenario::grid_scenario;
 pub use inflow::{ArrivalProcess, Inflow, PlannedArrival};
+pub use map_alone::{is_map, map_alone};
 pub use models::UserModels;
 pub use placement::MovedStart;
 pub use read::{LoadError, MOST_SEED, Overrides, ScenarioError, ScenarioRequest, read_experiment};

@@ -81,7 +81,7 @@ impl ControlFunction {
             Self::IndicateRight => "Indicator right",
             Self::Hazard => "Hazard lights",
             Self::LookBack => "Look back",
-            Self::TakeWheel => "Drive, give back",
+            Self::TakeWheel => "Take control, release",
         }
     }
 }

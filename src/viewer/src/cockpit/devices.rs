@@ -74,7 +74,7 @@ impl Devices {
         {
             format!("{} is plugged in: assign its wheel and pedals on the page Gamepad (F2).", plug.name)
         } else {
-            format!("{} is plugged in: it drives the vehicle whose wheel you take.", plug.name)
+            format!("{} is plugged in: it drives the vehicle that you take control of.", plug.name)
         };
         self.usual.insert(plug.key.clone(), plug.usual);
         self.plugged.insert(number, Device::new(plug.key, plug.name, profile));

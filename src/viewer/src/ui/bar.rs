@@ -1,7 +1,8 @@
 //! The toolbar: controls of the run, clock, scenario, camera and quality.
 
+use super::timeline::TimelineView;
 use super::viewpoint::CameraMode;
-use super::{CityKind, Look, QualityPreset, ScenarioChoice, UiAction, UiState, ViewModel};
+use super::{CityKind, Look, QualityPreset, ScenarioChoice, UiAction, UiState, ViewModel, commands};
 use city3d_session::{Order, RunPhase, Speed};
 use egui::{Button, ComboBox, RichText, Ui};
 use std::path::Path;
@@ -13,43 +14,105 @@ const SPEEDS: [f64; 8] = [0.1, 0.25, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0];
 pub fn show(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>, actions: &mut Vec<UiAction>) {
     ui.horizontal_wrapped(|ui| {
         // One row at the width of 1280 points, whatever its menus say.
-        ui.spacing_mut().item_spacing.x = 4.0;
+        ui.spacing_mut().item_spacing.x = 3.0;
+        ui.spacing_mut().button_padding.x = 3.0;
         if let Some(replay) = &shown.replay {
-            let tip = format!("The recorded run of {}; nothing is simulated", shown.scenario);
-            ui.label(RichText::new(format!("Replay of {}", replay.name)).strong()).on_hover_text(tip);
+            group(ui, "replay", |ui| replayed(ui, state, (shown, replay.name), actions));
         } else {
-            run_controls(ui, shown, actions);
-            if shown.city == CityKind::Local {
-                speed(ui, shown.run_state.speed, actions);
-            }
-            clock(ui, shown);
-            ui.separator();
-            match &shown.run_state.link {
+            group(ui, "run", |ui| {
+                run_controls(ui, shown, actions);
+                if shown.city == CityKind::Local {
+                    speed(ui, shown.run_state.speed, actions);
+                }
+                clock(ui, shown);
+            });
+            group(ui, "city", |ui| match &shown.run_state.link {
                 Some(link) => super::link::show(ui, link, shown),
-                None => scenario(ui, shown, actions),
-            }
+                None => scenario(ui, state, shown, actions),
+            });
         }
-        ui.separator();
-        cameras(ui, state);
-        ui.separator();
-        look(ui, state, actions);
-        ui.toggle_value(&mut state.open.layers, "Layers")
-            .on_hover_text("Labels, lanes, routes, conflict zones, map");
-        ui.toggle_value(&mut state.open.traffic, "Traffic")
-            .on_hover_text("Delay, flow, queue, safety and energy, and a time-space diagram (F4)");
-        if shown.replay.is_none() {
-            ui.toggle_value(&mut state.open.controllers, "Gamepad")
-                .on_hover_text("Gamepad and steering wheel: what their axes and buttons do (F2)");
-        }
-        ui.toggle_value(&mut state.open.help, "Help").on_hover_text("All keys (F1)");
+        group(ui, "cameras", |ui| cameras(ui, state));
+        group(ui, "look", |ui| {
+            look(ui, state, actions);
+            loading(ui, shown);
+        });
+        group(ui, "panels", |ui| panels(ui, state, shown, actions));
     });
 }
 
+/// What stands in place of the run's controls in a replay.
+fn replayed(
+    ui: &mut Ui,
+    state: &mut UiState,
+    (shown, name): (&ViewModel<'_>, &str),
+    actions: &mut Vec<UiAction>,
+) {
+    let tip = format!("The recorded run of {}; nothing is simulated", shown.scenario);
+    ui.label(RichText::new(format!("Replay of {name}")).strong()).on_hover_text(tip);
+    open_button(ui, state);
+    if shown.runs.may_run_again
+        && ui.button("Run again").on_hover_text("Simulate its scenario again").clicked()
+    {
+        actions.push(UiAction::RunAgain(None));
+    }
+    if ui.button("Compare").on_hover_text("Its measures beside those of another recorded run").clicked() {
+        state.runs.comparison.choose();
+    }
+}
+
+fn open_button(ui: &mut Ui, state: &mut UiState) {
+    let tip = commands::OPEN.tip("Start page: scenarios, recent files, recorded runs; or a file at once");
+    if ui.button("Open").on_hover_text(tip).clicked() {
+        state.runs.start_page.open();
+    }
+}
+
+/// Width of the sign of work.
+const WORK: f32 = 16.0;
+
+/// The sign that a picture or a scenario is being prepared: it has its place also while there is none.
+fn loading(ui: &mut Ui, shown: &ViewModel<'_>) {
+    cell(ui, WORK, |ui| {
+        if let Some(what) = shown.loading {
+            let tip = format!("{what} The picture stays as it is until then.");
+            ui.add(egui::Spinner::new().size(WORK - 2.0)).on_hover_text(tip);
+        }
+    });
+}
+
+/// A place of fixed width, so that its neighbours do not move.
+fn cell(ui: &mut Ui, width: f32, content: impl FnOnce(&mut Ui)) {
+    let size = egui::vec2(width, ui.spacing().interact_size.y);
+    ui.allocate_ui_with_layout(size, egui::Layout::left_to_right(egui::Align::Center), |ui| {
+        ui.set_min_width(width);
+        content(ui);
+    });
+}
+
+/// Controls that stay together: where they do not fit, they begin a row, without a line before them.
+fn group(ui: &mut Ui, name: &'static str, add: impl FnOnce(&mut Ui)) {
+    /// Width of the line between two groups, with its spacing, points.
+    const LINE: f32 = 13.0;
+    let id = ui.scope_id().with(name);
+    let width: f32 = ui.data(|data| data.get_temp(id)).unwrap_or(0.0);
+    if ui.cursor().left() > ui.max_rect().left() + 1.0 {
+        if width + LINE > ui.available_size_before_wrap().x {
+            ui.end_row();
+        } else {
+            ui.separator();
+        }
+    }
+    let width = ui.horizontal(add).response.rect.width();
+    ui.data_mut(|data| data.insert_temp(id, width));
+}
+
 /// Widths of a run button and of the real-time factor, points.
-const BUTTON: f32 = 72.0;
-const PACE: f32 = 58.0;
+const BUTTON: f32 = 84.0;
+const PACE: f32 = 54.0;
+/// Width of the duration beside the clock.
+const DURATION: f32 = 50.0;
 /// Width of the list of scenarios: a longer name is cut, and stands in the tip.
-const SCENARIO: f32 = 84.0;
+const SCENARIO: f32 = 80.0;
 
 fn run_controls(ui: &mut Ui, shown: &ViewModel<'_>, actions: &mut Vec<UiAction>) {
     let phase = &shown.run_state.phase;
@@ -63,28 +126,31 @@ fn run_controls(ui: &mut Ui, shown: &ViewModel<'_>, actions: &mut Vec<UiAction>)
         }
     };
     if *phase == RunPhase::Running {
-        button(ui, "\u{23f8} Pause", true, "Pause the experiment (Space)", Order::Pause);
+        button(ui, "\u{23f8} Pause", true, &commands::START_OR_PAUSE.tip("Pause the run"), Order::Pause);
     } else if *phase == RunPhase::Over {
-        let tip = format!("Continue beyond the {} s of the scenario, until paused (Space)", shown.duration_s);
-        button(ui, "\u{25b6} Go on", true, &tip, Order::Start);
+        let tip = format!("Continue beyond the {} s of the scenario, until paused", shown.duration_s);
+        let tip = commands::START_OR_PAUSE.tip(&tip);
+        button(ui, "\u{25b6} Continue", !shown.run_state.has_ended, &tip, Order::Start);
     } else {
-        button(ui, "\u{25b6} Start", can_run, "Start the experiment (Space)", Order::Start);
+        let tip = commands::START_OR_PAUSE.tip("Start the run");
+        button(ui, "\u{25b6} Start", can_run, &tip, Order::Start);
     }
     if shown.city == CityKind::Local {
-        button(ui, "\u{23ed} Step", can_run, "Advance by one tick, then pause (N)", Order::Step);
+        let tip = commands::STEP.tip("One step (usually 10 ms), then pause");
+        button(ui, "\u{23ed} Step", can_run, &tip, Order::Step);
     }
     let tip = match shown.city {
-        CityKind::Local => "Back to the start; a new log begins (Ctrl+R)",
-        CityKind::Served => "Back to the start with the same vehicles; a new log begins (Ctrl+R)",
-        CityKind::Elsewhere => "Asks the city to go back to its start (Ctrl+R)",
+        CityKind::Local => "Back to the start, after a question. The log so far is kept; a new one begins",
+        CityKind::Served => "Back to the start with the same vehicles; a new log begins",
+        CityKind::Elsewhere => "Asks the city to go back to its start",
     };
-    button(ui, "\u{27f2} Reset", true, tip, Order::Reset);
+    button(ui, "\u{27f2} Reset", true, &commands::RESET.tip(tip), Order::Reset);
 }
 
 fn speed(ui: &mut Ui, present: Speed, actions: &mut Vec<UiAction>) {
     let mut chosen = present;
     ComboBox::from_id_salt("speed")
-        .selected_text(speed_label(present))
+        .selected_text(if present == Speed::Unlimited { "max".to_owned() } else { speed_label(present) })
         .width(58.0)
         .show_ui(ui, |ui| {
             for factor in SPEEDS {
@@ -93,7 +159,11 @@ fn speed(ui: &mut Ui, present: Speed, actions: &mut Vec<UiAction>) {
             ui.selectable_value(&mut chosen, Speed::Unlimited, speed_label(Speed::Unlimited));
         })
         .response
-        .on_hover_text("Simulated seconds per second (+ and -)");
+        .on_hover_text(format!(
+            "Simulated seconds per second ({} and {})",
+            commands::FASTER.key(),
+            commands::SLOWER.key()
+        ));
     if chosen != present {
         actions.push(UiAction::Order(Order::Speed(chosen)));
     }
@@ -102,7 +172,7 @@ fn speed(ui: &mut Ui, present: Speed, actions: &mut Vec<UiAction>) {
 fn speed_label(speed: Speed) -> String {
     match speed {
         Speed::Times(factor) => format!("{factor}x"),
-        Speed::Unlimited => "fastest".to_owned(),
+        Speed::Unlimited => "as fast as possible".to_owned(),
     }
 }
 
@@ -125,34 +195,34 @@ pub fn other_speed(present: Speed, faster: bool) -> Speed {
 
 fn clock(ui: &mut Ui, shown: &ViewModel<'_>) {
     let run_state = shown.run_state;
-    let text = format!("{:6.2} s", run_state.now.time_s);
-    let tip =
-        format!("Experiment clock, tick {}; the scenario lasts {} s", run_state.now.tick, shown.duration_s);
+    let (time_s, duration_s) = (run_state.now.time_s, shown.duration_s);
+    // Room for runs of hours, so that its neighbours do not move.
+    let text = format!("{time_s:7.2} s");
+    let tip = format!("Simulated time, step {}; the scenario lasts {duration_s} s", run_state.now.tick);
     ui.label(RichText::new(text).monospace().strong()).on_hover_text(&tip);
     if shown.city == CityKind::Local {
-        ui.label(RichText::new(format!("/ {} s", shown.duration_s)).weak()).on_hover_text(tip);
+        // Beyond its end the run has no duration that it is part of.
+        let is_beyond = time_s > duration_s + 1e-6;
+        let text = if is_beyond { format!("past {duration_s} s") } else { format!("of {duration_s} s") };
+        cell(ui, DURATION, |ui| _ = ui.label(RichText::new(text).small()).on_hover_text(tip));
     }
     let (text, tip) = match &run_state.phase {
         RunPhase::Running => (
             format!("at {}x", factor(run_state.real_time_factor)),
             "Real-time factor: simulated seconds per second, as measured",
         ),
-        RunPhase::Over => {
-            ("over".to_owned(), "The scenario's duration is over: Go on continues, Reset starts again")
-        }
+        RunPhase::Over => (
+            "finished".to_owned(),
+            "The scenario's duration is over: Continue goes beyond it, Reset starts again",
+        ),
         RunPhase::Failed(reason) => (format!("failed: {reason}"), "Reset starts again"),
-        phase => (phase.label().to_owned(), "Start or Space runs the experiment"),
+        phase => (phase.label().to_owned(), "Start or Space runs it"),
     };
     let mut text = RichText::new(text);
     if matches!(run_state.phase, RunPhase::Over | RunPhase::Failed(_)) {
         text = text.strong().color(ui.visuals().warn_fg_color);
     }
-    let line = egui::vec2(PACE, ui.spacing().interact_size.y);
-    let layout = egui::Layout::left_to_right(egui::Align::Center);
-    ui.allocate_ui_with_layout(line, layout, |ui| {
-        ui.set_min_width(PACE);
-        ui.add(egui::Label::new(text).extend()).on_hover_text(tip);
-    });
+    cell(ui, PACE, |ui| _ = ui.add(egui::Label::new(text).extend()).on_hover_text(tip));
 }
 
 /// With as many digits as can be read while it changes.
@@ -161,7 +231,8 @@ fn factor(factor: f64) -> String {
     format!("{factor:.digits$}")
 }
 
-fn scenario(ui: &mut Ui, shown: &ViewModel<'_>, actions: &mut Vec<UiAction>) {
+fn scenario(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>, actions: &mut Vec<UiAction>) {
+    open_button(ui, state);
     // A whole path would leave no room for the rest.
     let short = |name: &str| -> String {
         let stem = Path::new(name).file_stem();
@@ -186,17 +257,51 @@ fn scenario(ui: &mut Ui, shown: &ViewModel<'_>, actions: &mut Vec<UiAction>) {
     let present = shown.scenarios.iter().find(|choice| choice.name == shown.scenario);
     let about = present.map(|choice| choice.description.as_str()).filter(|about| !about.is_empty());
     let tip = about.map_or_else(String::new, |about| format!("{about}.\n"));
-    let tip = format!("{tip}The experiment {}; another one starts from its beginning", shown.scenario);
+    let tip = format!("{tip}The scenario {}; another one starts from its beginning", shown.scenario);
     picker.show_ui(ui, choices).response.on_hover_text(tip);
 }
 
 fn cameras(ui: &mut Ui, state: &mut UiState) {
-    for (index, mode) in CameraMode::ALL.into_iter().enumerate() {
-        let tip = format!("{} ({})", camera_tip(mode), index + 1);
+    for (mode, command) in CameraMode::ALL.into_iter().zip(commands::CAMERA_MODES) {
+        let tip = command.tip(camera_tip(mode));
         let is_on = state.viewpoint.mode == mode;
         if ui.selectable_label(is_on, mode.label()).on_hover_text(tip).clicked() {
             state.set_mode(mode);
         }
+    }
+}
+
+/// Switches of panels; the menu has all of them with their keys.
+fn panels(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>, actions: &mut Vec<UiAction>) {
+    let open = &mut state.open;
+    ui.toggle_value(&mut open.layers, "Layers").on_hover_text("Labels, lanes, routes, conflict zones, map");
+    let mut chosen: Option<&commands::Command> = None;
+    let has_cameras = open.cameras && !state.previews.is_empty();
+    let cameras = ui.selectable_label(has_cameras, "Cameras");
+    if cameras
+        .on_hover_text(commands::CAMERAS.tip("What cameras of vehicles see, pedals and plots"))
+        .clicked()
+    {
+        chosen = Some(&commands::CAMERAS);
+    }
+    let menu = ui.menu_button("Panels", |ui| {
+        let mut entries = commands::PANEL_MENU.to_vec();
+        if shown.replay.is_none() {
+            entries.push(&commands::CONTROLLERS);
+        }
+        entries.push(&commands::SETTINGS);
+        for command in entries {
+            if ui.add(Button::new(command.name).shortcut_text(command.key())).clicked() {
+                chosen = Some(command);
+            }
+        }
+    });
+    menu.response.on_hover_text("Show and hide panels");
+    ui.toggle_value(&mut state.open.help, "Help").on_hover_text(commands::HELP.tip("All keys"));
+    if let Some(command) = chosen {
+        let now_s = ui.input(|input| input.time);
+        let mut timeline = TimelineView::of(shown);
+        command.run(&mut commands::CommandContext { state, shown, actions, timeline: &mut timeline, now_s });
     }
 }
 
@@ -212,11 +317,16 @@ fn camera_tip(mode: CameraMode) -> &'static str {
     }
 }
 
+/// Widths of the lists of qualities and of times of day: for the longest of their words.
+const QUALITY: f32 = 70.0;
+const TIME: f32 = 76.0;
+
 fn look(ui: &mut Ui, state: &mut UiState, actions: &mut Vec<UiAction>) {
     let before = state.look;
     ComboBox::from_id_salt("quality")
         .selected_text(state.look.preset.label())
-        .width(62.0)
+        .width(QUALITY)
+        .truncate()
         .show_ui(ui, |ui| {
             for preset in QualityPreset::ALL {
                 ui.selectable_value(&mut state.look.preset, preset, preset.label());
@@ -226,7 +336,8 @@ fn look(ui: &mut Ui, state: &mut UiState, actions: &mut Vec<UiAction>) {
         .on_hover_text("Quality of the pictures: low for machines without a GPU");
     ComboBox::from_id_salt("time")
         .selected_text(time_label(state.look.hours))
-        .width(62.0)
+        .width(TIME)
+        .truncate()
         .show_ui(ui, |ui| {
             for (hours, label) in TIMES {
                 ui.selectable_value(&mut state.look.hours, hours, label);
@@ -239,10 +350,10 @@ fn look(ui: &mut Ui, state: &mut UiState, actions: &mut Vec<UiAction>) {
     }
 }
 
-const TIMES: [(f64, &str); 5] =
+pub(super) const TIMES: [(f64, &str); 5] =
     [(8.0, "morning"), (12.0, "noon"), (16.5, "low sun"), (17.6, "dusk"), (22.0, "night")];
 
-fn time_label(hours: f64) -> String {
+pub(super) fn time_label(hours: f64) -> String {
     let named = TIMES.iter().find(|(time, _)| (time - hours).abs() < 1e-6);
     let minutes = (hours * 60.0).round() as u32;
     named.map_or_else(|| format!("{:02}:{:02}", minutes / 60, minutes % 60), |(_, label)| (*label).to_owned())

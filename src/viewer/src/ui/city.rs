@@ -1,8 +1,10 @@
 //! The large view of the city: picture, overlays, and mouse control.
 
 use super::layers::{self, Canvas};
-use super::{PictureRequest, PictureSlot, UiState, ViewModel, map, status};
+use super::vehicle_menu::{MenuSubject, VehicleMenu};
+use super::{PictureRequest, PictureSlot, UiState, ViewModel, legend, map, overlay, rulers, theme};
 use city3d_protocol::snapshot::{Status, VehicleId};
+use city3d_sensors::PictureKind;
 use city3d_session::RunPhase;
 use egui::emath::GuiRounding as _;
 use egui::{Align2, Color32, FontId, PointerButton, Pos2, Rect, Response, RichText, Sense, Ui};
@@ -21,22 +23,20 @@ pub fn show(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>) {
     state.viewpoint.update(shown.interpolated);
     let moves = shown.run_state.phase == RunPhase::Running || response.dragged() || state.is_scrubbing;
     let extent = extent(rect, ui.ctx().pixels_per_point(), shown.most_moving_pixels.filter(|_| moves));
+    state.viewpoint.begin(shown.interpolated, shown.map, shown.control_zones);
     state.viewpoint.show_whole(shown.interpolated, extent, shown.walls);
     let view = state.viewpoint.view(shown.interpolated, extent);
-    state.pictures.push(PictureRequest { slot: PictureSlot::City, view });
+    state.pictures.push(PictureRequest { slot: PictureSlot::City, view, kind: PictureKind::Rgb });
     super::paint_picture(ui, rect, shown, PictureSlot::City);
     let canvas = Canvas::new(ui, &view, rect);
-    if let (true, Some(at)) =
-        (response.clicked() || response.double_clicked(), response.interact_pointer_pos())
-    {
-        let picked = pick(&canvas, shown, at);
-        state.selection.vehicle = picked;
-        state.table.reveal = picked.is_some();
-        if response.double_clicked() && picked.is_some() {
-            state.selection.follow = picked;
-        }
-    }
+    let pointed = response.hover_pos();
+    state.measure.point_at(pointed.and_then(|at| canvas.ground_at(at)));
+    act_on_clicks(&response, &canvas, state, shown);
+    state.overlay = overlay::build(state, shown, &canvas);
     layers::paint(&canvas, state, shown);
+    state.measure.paint(&canvas);
+    rulers::paint(&canvas, state, shown, pointed);
+    legend::paint(ui, rect, state, shown);
     if state.layers.map {
         map::show(ui, rect, state, shown);
     }
@@ -47,6 +47,26 @@ pub fn show(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>) {
     // Below the name of the followed vehicle.
     let below = if state.viewpoint.follow.is_some() { 34.0 } else { 0.0 };
     notice(ui, free.with_min_y(free.top() + below), state);
+}
+
+/// Selects, follows, measures, and opens the menu.
+fn act_on_clicks(response: &Response, canvas: &Canvas<'_>, state: &mut UiState, shown: &ViewModel<'_>) {
+    let Some(at) = response.interact_pointer_pos() else { return };
+    let ground = canvas.ground_at(at);
+    if response.secondary_clicked() {
+        let vehicle = pick(canvas, shown, at).map(MenuSubject::Vehicle);
+        state.menu = vehicle.or(ground.map(MenuSubject::Place)).map(VehicleMenu::of);
+    }
+    let is_clicked = response.clicked() || response.double_clicked();
+    if !is_clicked || state.measure.click(ground) {
+        return;
+    }
+    let picked = pick(canvas, shown, at);
+    state.selection.vehicle = picked;
+    state.table.reveal = picked.is_some();
+    if response.double_clicked() && picked.is_some() {
+        state.selection.follow = picked;
+    }
 }
 
 /// Resolution of the picture, reduced to the pixel budget.
@@ -112,7 +132,8 @@ fn dashboard(ui: &Ui, rect: Rect, state: &UiState, shown: &ViewModel<'_>) {
         city3d_protocol::snapshot::Indicator::Right => " \u{25b6}",
         city3d_protocol::snapshot::Indicator::Hazard => "\u{25c0} \u{25b6}",
     };
-    let speed = format!("{:.0} km/h", vehicle.speed_mps.abs() * 3.6);
+    let (units, scale) = (state.preferences.units, shown.scale());
+    let speed = units.dashboard(vehicle.speed_mps.abs(), scale);
     egui::Area::new(ui.scope_id().with("dashboard"))
         .fixed_pos(rect.center_bottom() + egui::vec2(0.0, -10.0))
         .pivot(Align2::CENTER_BOTTOM)
@@ -122,14 +143,16 @@ fn dashboard(ui: &Ui, rect: Rect, state: &UiState, shown: &ViewModel<'_>) {
                     ui.set_width(320.0_f32.min(rect.width() - 24.0).max(80.0));
                     ui.label(RichText::new(speed).size(30.0).strong());
                     ui.label(format!("{gear}   {arrows}"));
-                    if let Some(trouble) = trouble(vehicle.status, &shown.run_state.phase, pedals.reverse) {
+                    let trouble = trouble(vehicle.status, &shown.run_state.phase, pedals.reverse);
+                    let left = || map::way_back(shown.map, vehicle.position.truncate());
+                    if let Some(trouble) = trouble.map(str::to_owned).or_else(left) {
                         ui.label(RichText::new(trouble).strong().color(ui.visuals().warn_fg_color));
                     }
                     if driving.is_by_device() {
-                        ui.small("by gamepad or wheel   F2 its buttons   Enter gives back");
+                        ui.small("by gamepad or wheel   F2 its buttons   Enter releases");
                     } else {
                         ui.small("W S pedals   A D steer   B handbrake   R reverse gear");
-                        ui.small("Q E indicators   V look back   Enter gives back");
+                        ui.small("Q E indicators   V look back   Enter releases");
                     }
                 });
             });
@@ -139,11 +162,11 @@ fn dashboard(ui: &Ui, rect: Rect, state: &UiState, shown: &ViewModel<'_>) {
 /// Why the vehicle does not obey its driver.
 fn trouble(status: Status, phase: &RunPhase, reverse: bool) -> Option<&'static str> {
     match (phase, status) {
-        (RunPhase::Over, _) => Some("The scenario is over: Space continues, Ctrl+R starts again"),
+        (RunPhase::Over, _) => Some("The run has finished: Space continues, Ctrl+R starts again"),
         (RunPhase::Running, Status::Collided) if reverse => Some("Collided: W backs off"),
         (RunPhase::Running, Status::Collided) => Some("Collided: W drives on, R then W backs off"),
         (RunPhase::Running, _) | (RunPhase::Failed(_), _) => None,
-        _ => Some("The experiment is not running: Space starts it"),
+        _ => Some("Paused: Space starts the run"),
     }
 }
 
@@ -177,13 +200,18 @@ fn followed(ui: &Ui, rect: Rect, state: &UiState, shown: &ViewModel<'_>) {
     let swatch = text.size().y * 0.7;
     let size = text.size() + egui::vec2(swatch + 6.0, 0.0);
     let place = Align2::LEFT_TOP.anchor_size(rect.left_top() + egui::vec2(14.0, 12.0), size);
-    painter.rect_filled(place.expand2(egui::vec2(7.0, 4.0)), 4.0, Color32::from_black_alpha(150));
+    painter.rect_filled(place.expand2(egui::vec2(7.0, 4.0)), 4.0, theme::ON_PICTURE);
     let mark = Rect::from_center_size(
         place.left_center() + egui::vec2(swatch / 2.0, 0.0),
         egui::Vec2::splat(swatch),
     );
     painter.rect_filled(mark, 2.0, Color32::from_rgb(r, g, b));
-    painter.rect_stroke(mark, 2.0, (1.0, status::colour(vehicle.status)), egui::StrokeKind::Outside);
+    painter.rect_stroke(
+        mark,
+        2.0,
+        (1.0, theme::on_picture(painter.ctx(), vehicle.status)),
+        egui::StrokeKind::Outside,
+    );
     painter.galley(place.min + egui::vec2(swatch + 6.0, 0.0), text, Color32::WHITE);
 }
 
@@ -195,7 +223,7 @@ fn notice(ui: &Ui, rect: Rect, state: &mut UiState) {
         let galley =
             painter.layout(text.clone(), FontId::proportional(14.0), Color32::WHITE, rect.width() - 40.0);
         let place = Align2::CENTER_TOP.anchor_size(rect.center_top() + egui::vec2(0.0, 14.0), galley.size());
-        painter.rect_filled(place.expand(8.0), 5.0, Color32::from_black_alpha(200));
+        painter.rect_filled(place.expand(8.0), 5.0, theme::ON_PICTURE);
         painter.galley(place.min, galley, Color32::WHITE);
         let left = (until_s - now_s).max(0.0);
         ui.ctx().request_repaint_after(std::time::Duration::from_secs_f64(left));

@@ -4,29 +4,20 @@ use super::{UiAction, UiState};
 use crate::cockpit::{ControlFunction, Device, DeviceControl, Devices};
 use egui::{RichText, Sense, Ui, Vec2};
 
-/// Shows the window while it is open; closing it cancels a calibration.
-pub fn window(ui: &Ui, state: &mut UiState, actions: &mut Vec<UiAction>) {
-    let mut is_open = state.open.controllers;
-    if !is_open {
-        state.devices.stop_learning();
-        return;
-    }
+/// Shows all devices.
+pub fn show(ui: &mut Ui, state: &mut UiState, actions: &mut Vec<UiAction>) {
     finish(ui, state, actions);
-    super::sheet(ui, "Gamepad and steering wheel").open(&mut is_open).show(ui.ctx(), |ui| {
-        ui.set_width(WIDTH);
+    egui::ScrollArea::both().auto_shrink([false, true]).show(ui, |ui| {
         let devices = &mut state.devices;
         let numbers: Vec<usize> = devices.iter().map(|(number, _)| number).collect();
         if numbers.is_empty() {
             nothing(ui, devices);
         }
         for number in numbers {
-            ui.push_id(number, |ui| show(ui, devices, number, actions));
+            ui.push_id(number, |ui| device(ui, devices, number, actions));
         }
     });
-    state.open.controllers = is_open;
 }
-
-const WIDTH: f32 = 470.0;
 
 /// Applies a finished calibration.
 fn finish(ui: &Ui, state: &mut UiState, actions: &mut Vec<UiAction>) {
@@ -51,7 +42,8 @@ fn nothing(ui: &mut Ui, devices: &Devices) {
     }
 }
 
-fn show(ui: &mut Ui, devices: &mut Devices, number: usize, actions: &mut Vec<UiAction>) {
+/// Shows the assignments of a device.
+fn device(ui: &mut Ui, devices: &mut Devices, number: usize, actions: &mut Vec<UiAction>) {
     let Some(device) = devices.get(number).cloned() else { return };
     ui.horizontal(|ui| {
         ui.label(RichText::new(&device.name).strong());

@@ -92,7 +92,7 @@ pub fn step(ui: &Ui, state: &mut UiState, shown: &ViewModel<'_>, actions: &mut V
     else {
         return;
     };
-    let is_typing = ui.ctx().text_edit_focused();
+    let is_typing = ui.ctx().text_edit_focused() || state.runs.is_modal();
     let dt_s = ui.input(|input| f64::from(input.stable_dt.min(0.1)));
     let keys = if is_typing { HeldKeys::default() } else { held(ui) };
     let looks_back = ui.input(|input| input.key_down(Key::V)) && !is_typing;

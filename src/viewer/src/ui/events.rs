@@ -1,39 +1,59 @@
 //! Events of a run, recorded or live: filter, list, and the line below a live city.
 
-use super::{UiAction, UiState, ViewModel};
-use city3d_protocol::snapshot::{FrameSnapshot, VehicleInfo};
+use super::timeline::TimelineView;
+use super::{UiAction, UiState, ViewModel, commands, theme};
+use city3d_protocol::snapshot::{FrameSnapshot, Status, VehicleInfo};
 use city3d_session::playback::{MarkKind, PlaybackCommand, TimelineMark};
 use egui::{Align, Button, Color32, Layout, RichText, Sense, Ui, Vec2};
 use egui_extras::{Column, TableBuilder};
 
-/// Text filter of the events, for the list, the timeline and the line below a live city.
+/// Text filter of the events, for the list, the timeline and the line below the city, and what is counted of them. Events
+/// that come are added; only another filter, or another run, looks at all of them again.
 #[derive(Clone, Debug, Default)]
 pub struct EventFilter {
     /// Words that a row must contain.
     pub filter: String,
-    /// Indices of the matching events; `of` is the filter and the number of events that they belong to.
+    /// Indices of the matching events.
     matching: Vec<usize>,
+    /// Indices of the events that are reported at once.
+    grave: Vec<usize>,
     /// The last current row of the list.
     present: Option<usize>,
-    of: Option<(String, usize)>,
+    /// The filter, number and last of the events that these belong to.
+    of: Option<(String, usize, Option<TimelineMark>)>,
 }
 
 impl EventFilter {
-    /// Updates the matches where filter or events have changed.
+    /// Takes the events that have come since.
     pub(super) fn update(&mut self, marks: &[TimelineMark]) {
-        let now = (self.filter.clone(), marks.len());
-        if self.of.as_ref() == Some(&now) {
+        let known = match &self.of {
+            Some((filter, count, last)) if *filter == self.filter => {
+                let is_same = marks.len() >= *count && marks[..*count].last() == last.as_ref();
+                is_same.then_some(*count)
+            }
+            _ => None,
+        };
+        if known == Some(marks.len()) {
             return;
         }
+        let known = known.unwrap_or_else(|| {
+            (self.matching, self.grave) = (Vec::new(), Vec::new());
+            0
+        });
         let words: Vec<String> = self.filter.split_whitespace().map(str::to_lowercase).collect();
         let matches = |mark: &TimelineMark| {
             let (label, vehicle) = (mark.what.label().to_lowercase(), mark.vehicle.to_string());
             words.iter().all(|word| label.contains(word) || vehicle == *word)
         };
-        let all = marks.iter().enumerate();
-        self.matching =
-            all.filter(|(_, mark)| words.is_empty() || matches(mark)).map(|(place, _)| place).collect();
-        self.of = Some(now);
+        for (place, mark) in marks.iter().enumerate().skip(known) {
+            if words.is_empty() || matches(mark) {
+                self.matching.push(place);
+            }
+            if mark.what.is_grave() {
+                self.grave.push(place);
+            }
+        }
+        self.of = Some((self.filter.clone(), marks.len(), marks.last().cloned()));
     }
 
     /// Number of matches.
@@ -48,19 +68,30 @@ impl EventFilter {
     ) -> impl DoubleEndedIterator<Item = &'a TimelineMark> {
         self.matching.iter().filter_map(|place| marks.get(*place))
     }
+
+    /// The events that are reported at once, of whatever filter, in order of time.
+    fn grave<'a>(&'a self, marks: &'a [TimelineMark]) -> impl DoubleEndedIterator<Item = &'a TimelineMark> {
+        self.grave.iter().filter_map(|place| marks.get(*place))
+    }
+
+    /// The last of those.
+    pub(super) fn last_grave<'a>(&'a self, marks: &'a [TimelineMark]) -> Option<&'a TimelineMark> {
+        self.grave(marks).next_back()
+    }
 }
 
-/// The colour of a kind, readable on a dark ground.
-pub(super) fn colour(kind: MarkKind) -> Color32 {
-    match kind {
-        MarkKind::Collision => Color32::from_rgb(255, 85, 85),
-        MarkKind::Link => Color32::from_rgb(230, 110, 230),
-        MarkKind::Person => Color32::from_rgb(110, 175, 255),
-        MarkKind::Merge => Color32::from_rgb(120, 200, 120),
-        MarkKind::Yield => Color32::from_rgb(235, 195, 80),
-        MarkKind::Stop => Color32::from_rgb(235, 140, 80),
-        MarkKind::Usual => Color32::from_rgb(140, 150, 160),
-    }
+/// The colour of an event: that of the status that it leads to.
+pub(super) fn colour(context: &egui::Context, kind: MarkKind) -> Color32 {
+    let status = match kind {
+        MarkKind::Collision => Status::Collided,
+        MarkKind::Link => Status::LinkLost,
+        MarkKind::Person => Status::Manual,
+        MarkKind::Merge => Status::Driving,
+        MarkKind::Yield => Status::Yielding,
+        MarkKind::Stop | MarkKind::LongStop => Status::Stopped,
+        MarkKind::Usual => Status::Finished,
+    };
+    theme::on_panel(context, status)
 }
 
 /// The vehicle of an event by name and number.
@@ -78,17 +109,10 @@ pub(super) fn numbered_name(info: &VehicleInfo) -> String {
     }
 }
 
-/// Selects the vehicle of an event, and seeks to it in a recorded run.
-pub(super) fn go_to(
-    mark: &TimelineMark,
-    state: &mut UiState,
-    shown: &ViewModel<'_>,
-    actions: &mut Vec<UiAction>,
-) {
+/// Selects the vehicle of an event, and seeks to its time.
+pub(super) fn go_to(mark: &TimelineMark, state: &mut UiState, actions: &mut Vec<UiAction>) {
     let command = update(mark, state);
-    if shown.replay.is_some() {
-        actions.push(UiAction::PlaybackCommand(command));
-    }
+    actions.push(UiAction::PlaybackCommand(command));
 }
 
 /// The button with the number of events, which opens the list.
@@ -96,36 +120,55 @@ pub(super) fn list_button(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_
     let (all, matching) = (shown.events.len(), state.events.count());
     let text = if matching == all { format!("{all} events") } else { format!("{matching} of {all} events") };
     let button = Button::selectable(state.open.events, text).min_size(Vec2::new(84.0, 0.0));
-    if ui.add(button).on_hover_text("The list of events (F3)").clicked() {
+    if ui.add(button).on_hover_text(commands::EVENTS.tip("The list of events")).clicked() {
         state.open.events = !state.open.events;
     }
 }
 
-/// The line below a live city: number of events, the last one, and collisions, each with a jump to its vehicle.
+/// Kinds that are reported at once, with their words for one and for several.
+const GRAVE: [(MarkKind, &str, &str); 3] = [
+    (MarkKind::Collision, "collision", "collisions"),
+    (MarkKind::LongStop, "long stop", "long stops"),
+    (MarkKind::Link, "lost link", "lost links"),
+];
+
+/// What has happened in a run so far: counts of what is grave and the last event, each with a jump to its place and time.
 pub(super) fn live(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>, actions: &mut Vec<UiAction>) {
-    ui.horizontal(|ui| {
-        list_button(ui, state, shown);
-        let is_collision = |mark: &&TimelineMark| mark.what.kind() == MarkKind::Collision;
-        let count = shown.events.iter().filter(is_collision).count();
-        if let Some(last) = shown.events.iter().rfind(is_collision) {
-            let text = format!("{count} collision{}", if count == 1 { "" } else { "s" });
-            let button = ui.button(RichText::new(text).color(colour(MarkKind::Collision)).strong());
-            if button
-                .on_hover_text(format!("The last one: {}", event_words(&shown.run_state.now, last)))
-                .clicked()
-            {
-                go_to(last, state, shown, actions);
-            }
+    for (kind, one, several) in GRAVE {
+        let mut marks = state.events.grave(shown.events).filter(|mark| mark.what.kind() == kind);
+        let Some(last) = marks.next_back().cloned() else { continue };
+        let count = marks.count() + 1;
+        let text = format!("{count} {}", if count == 1 { one } else { several });
+        let button = ui.button(RichText::new(text).color(colour(ui.ctx(), kind)).strong());
+        let tip = format!("Show the last one: {}", event_words(&shown.run_state.now, &last));
+        let tip = if state.events.last_grave(shown.events) == Some(&last) {
+            commands::GRAVE_EVENT.tip(&tip)
+        } else {
+            tip
+        };
+        if button.on_hover_text(tip).clicked() {
+            go_to(&last, state, actions);
         }
-        let last = state.events.of(shown.events).next_back().cloned();
-        if let Some(last) = last {
-            let text = RichText::new(event_words(&shown.run_state.now, &last)).small();
-            let label = egui::Label::new(text).truncate().selectable(false).sense(Sense::click());
-            if ui.add(label).on_hover_text("Select its vehicle and come near").clicked() {
-                go_to(&last, state, shown, actions);
-            }
+    }
+    let last = state.events.of(shown.events).next_back().cloned();
+    if let Some(last) = last {
+        let text = RichText::new(event_words(&shown.run_state.now, &last)).small();
+        let label = egui::Label::new(text).truncate().selectable(false).sense(Sense::click());
+        if ui.add(label).on_hover_text("Show where and when it happened").clicked() {
+            go_to(&last, state, actions);
         }
-    });
+    }
+}
+
+/// What to say of new events: the gravest of those that are reported at once.
+pub fn announcement(snapshot: &FrameSnapshot, marks: &[TimelineMark]) -> Option<String> {
+    let grave = marks.iter().filter(|mark| mark.what.is_grave());
+    let first = grave.clone().max_by_key(|mark| mark.what.kind())?;
+    let words = event_words(snapshot, first);
+    Some(match grave.count() {
+        1 => format!("{words} (G shows it)"),
+        count => format!("{words}, and {} more (G shows the last)", count - 1),
+    })
 }
 
 /// An event in words, with its time and vehicle.
@@ -144,33 +187,25 @@ pub(super) fn update(mark: &TimelineMark, state: &mut UiState) -> PlaybackComman
 
 const ROW_HEIGHT: f32 = 18.0;
 
-/// The window with the list. A click on a row goes there and selects its vehicle.
-pub(super) fn window(ui: &Ui, state: &mut UiState, shown: &ViewModel<'_>, actions: &mut Vec<UiAction>) {
-    let mut is_open = state.open.events;
-    let room = ui.ctx().content_rect().shrink2(egui::vec2(12.0, 48.0));
-    let sheet = egui::Window::new("Events").pivot(egui::Align2::CENTER_TOP).open(&mut is_open);
-    let sheet = sheet.default_pos(ui.ctx().content_rect().center_top() + egui::vec2(0.0, 70.0));
-    let size = egui::vec2(330.0, 320.0).min(room.size());
-    sheet.default_size(size).resizable(true).constrain_to(room).show(ui.ctx(), |ui| {
-        ui.horizontal(|ui| {
-            let count = state.events.count();
-            ui.weak(format!("{count} of {}", shown.events.len()));
-            let field = egui::TextEdit::singleline(&mut state.events.filter)
-                .hint_text("collision, merge 3 ...")
-                .desired_width(ui.available_width());
-            ui.add(field).on_hover_text("Filter by words and vehicles; the timeline shows the same events");
-        });
-        state.events.update(shown.events);
-        let marks: Vec<TimelineMark> = state.events.of(shown.events).cloned().collect();
-        if marks.is_empty() {
-            ui.label(RichText::new(nothing(shown)).weak());
-            return;
-        }
-        if let Some(mark) = list(ui, &marks, state, shown) {
-            go_to(&mark, state, shown, actions);
-        }
+/// Shows the list. A click on a row goes there and selects its vehicle.
+pub(super) fn show(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>, actions: &mut Vec<UiAction>) {
+    ui.horizontal(|ui| {
+        let count = state.events.count();
+        ui.weak(format!("{count} of {}", shown.events.len()));
+        let field = egui::TextEdit::singleline(&mut state.events.filter)
+            .hint_text("collision, merge 3 ...")
+            .desired_width(ui.available_width());
+        ui.add(field).on_hover_text("Filter by words and vehicles; the timeline shows the same events");
     });
-    state.open.events = is_open;
+    state.events.update(shown.events);
+    let marks: Vec<TimelineMark> = state.events.of(shown.events).cloned().collect();
+    if marks.is_empty() {
+        ui.label(RichText::new(nothing(shown)).weak());
+        return;
+    }
+    if let Some(mark) = list(ui, &marks, state, shown) {
+        go_to(&mark, state, actions);
+    }
 }
 
 fn nothing(shown: &ViewModel<'_>) -> &'static str {
@@ -191,7 +226,8 @@ fn list(
 ) -> Option<TimelineMark> {
     ui.style_mut().interaction.selectable_labels = false;
     let mut clicked = None;
-    let at_s = shown.replay.map_or(f64::INFINITY, |replay| replay.head.at_s);
+    let view = TimelineView::of(shown);
+    let at_s = if view.is_played() { view.head.at_s } else { f64::INFINITY };
     // The last event before the playhead is the current one; of a live run the newest.
     let present = marks.partition_point(|mark| mark.time_s <= at_s + 1e-6).checked_sub(1);
     let mut builder = TableBuilder::new(ui)
@@ -209,7 +245,7 @@ fn list(
     state.events.present = present;
     builder
         .header(ROW_HEIGHT, |mut header| {
-            for title in ["Time s", "Event", "Vehicle"] {
+            for title in ["Time (s)", "Event", "Vehicle"] {
                 header.col(|ui| _ = ui.strong(title));
             }
         })
@@ -219,11 +255,10 @@ fn list(
                 line.set_selected(Some(line.index()) == present);
                 line.col(|ui| _ = ui.monospace(format!("{:.2}", mark.time_s)));
                 line.col(|ui| {
-                    _ = ui.label(RichText::new(mark.what.label()).color(colour(mark.what.kind())));
+                    _ = ui.label(RichText::new(mark.what.label()).color(colour(ui.ctx(), mark.what.kind())));
                 });
                 line.col(|ui| _ = ui.label(name(&shown.run_state.now, mark)));
-                if line.response().on_hover_text("Select the vehicle; in a recorded run, go there").clicked()
-                {
+                if line.response().on_hover_text("Show where and when it happened").clicked() {
                     clicked = Some(mark.clone());
                 }
             });

@@ -1,127 +1,116 @@
-//! The help window: all keys and statuses.
+//! The help window: all actions with their keys, the use of the mouse, and all statuses. It can be searched.
 
-use super::{UiState, status};
+use super::commands::{SECTIONS, Section};
+use super::{UiState, ViewModel, status, theme};
 use city3d_protocol::snapshot::Status;
-use egui::{RichText, Ui};
-
-type KeySection = (&'static str, &'static [(&'static str, &'static str)]);
-
-const REPLAY: KeySection = (
-    "Replay",
-    &[
-        ("Space", "play, pause"),
-        ("J", "play backwards"),
-        (",  .", "one recorded step back, forward"),
-        ("left  right", "5 seconds back, forward"),
-        ("[  ]", "event before, next event (Shift+left, right)"),
-        ("Home  End", "start, end"),
-        ("+  -", "faster, slower"),
-        ("F3", "list of events"),
-        ("F4", "traffic: delay, safety, time-space diagram"),
-        ("wheel on the timeline", "zoom: less or more of the run"),
-        ("F12", "screenshot"),
-        ("Ctrl+Q", "quit"),
-    ],
-);
-
-const SECTIONS: [KeySection; 4] = [
-    (
-        "Experiment",
-        &[
-            ("Space", "start, pause"),
-            ("N", "one tick"),
-            ("Ctrl+R", "reset"),
-            ("+  -", "faster, slower"),
-            ("F3", "list of events"),
-            ("F4", "traffic: delay, safety, time-space diagram"),
-            ("F12", "screenshot"),
-            ("Ctrl+Q", "quit"),
-        ],
-    ),
-    (
-        "Look",
-        &[
-            ("1 to 5", "orbit, chase, onboard, overhead, free camera"),
-            ("drag", "turn the view, in chase and onboard too"),
-            ("right-drag", "move the view"),
-            ("wheel", "zoom"),
-            ("Z", "come near the selected vehicle; with Shift: all vehicles"),
-            ("W A S D  Q E", "move the camera (arrows too)"),
-            ("L", "labels over cars"),
-            ("M", "map"),
-            ("Ctrl +  -  0", "larger, smaller, usual panels"),
-        ],
-    ),
-    (
-        "Vehicles",
-        &[
-            ("click", "select, in the city or in the table"),
-            ("double click", "follow"),
-            ("PgUp  PgDn", "select the next one"),
-            ("F", "follow the selected one, or stop following"),
-            ("P", "open or close its preview"),
-            ("Enter", "take the wheel, give it back"),
-            ("Esc", "give back, deselect"),
-        ],
-    ),
-    (
-        "Driving",
-        &[
-            ("W  S", "gas, brake (arrows too)"),
-            ("A  D", "steer (arrows too)"),
-            ("B", "handbrake"),
-            ("R", "reverse gear, at standstill"),
-            ("Q  E  H", "indicators left, right, both"),
-            ("V", "look back"),
-            ("F2", "gamepad and steering wheel"),
-        ],
-    ),
-];
+use egui::{RichText, ScrollArea, Ui};
 
 /// Width of two columns, points.
-const TWO_COLUMNS: f32 = 700.0;
+const TWO_COLUMNS: f32 = 860.0;
 /// Narrower windows show one column, points.
-const TWO_COLUMNS_FROM: f32 = 720.0;
+const TWO_COLUMNS_FROM: f32 = 880.0;
+/// Width of the keys, points.
+const KEYS: f32 = 180.0;
+/// Width of the field for words.
+const FIELD: f32 = 220.0;
 
-/// Shows the window while it is open; a replay has the keys of the player in place of those of a run.
-pub fn window(ui: &Ui, state: &mut UiState, is_replay: bool) {
-    // Nobody drives in a replay.
-    let [experiment, look, vehicles, driving] = &SECTIONS;
-    let sections =
-        if is_replay { vec![&REPLAY, look, vehicles] } else { vec![experiment, look, vehicles, driving] };
+/// Shows the window while it is open, with what this window has: nobody drives in a replay.
+pub fn window(ui: &Ui, state: &mut UiState, shown: &ViewModel<'_>) {
+    let words: Vec<String> = state.help_words.split_whitespace().map(str::to_lowercase).collect();
+    let sections: Vec<_> = SECTIONS
+        .iter()
+        .filter(|section| section.is_in(shown))
+        .map(|section| (section.title, rows(section, &words)))
+        .filter(|(_, rows)| !rows.is_empty())
+        .collect();
     let room = ui.ctx().content_rect().shrink2(egui::vec2(12.0, 48.0));
-    let sheet = super::sheet(ui, "Keys and statuses").open(&mut state.open.help);
+    let mut is_open = state.open.help;
+    let sheet = super::sheet(ui, "Keys and statuses").open(&mut is_open);
     let count = if room.width() < TWO_COLUMNS_FROM { 1 } else { 2 };
-    let sheet = sheet.scroll([count == 1, true]).default_height(room.height());
+    let width = if count == 1 { room.width() - 24.0 } else { TWO_COLUMNS };
     sheet.max_size(room.size()).constrain_to(room).show(ui.ctx(), |ui| {
-        if count == 2 {
-            // Columns share the available width.
-            ui.set_min_width(TWO_COLUMNS.min(room.width() - 24.0));
-        }
-        ui.columns(count, |columns| {
-            for (index, (title, keys)) in sections.into_iter().enumerate() {
-                let ui = &mut columns[index % count];
-                ui.label(RichText::new(*title).strong());
-                egui::Grid::new(*title).num_columns(2).show(ui, |ui| {
-                    let keys = keys.iter().filter(|(key, _)| !(is_replay && *key == "Enter"));
-                    for (key, what) in keys {
-                        let what = if is_replay && *key == "Esc" { "close a list, deselect" } else { what };
-                        ui.monospace(*key);
-                        ui.label(what);
-                        ui.end_row();
-                    }
-                });
-                ui.add_space(8.0);
-            }
+        ui.set_width(width.min(room.width() - 24.0).max(0.0));
+        ui.horizontal(|ui| {
+            let field = egui::TextEdit::singleline(&mut state.help_words)
+                .hint_text("Search: key or words")
+                .desired_width(FIELD);
+            ui.add(field);
         });
-        ui.separator();
-        for status in Status::ALL {
-            ui.horizontal(|ui| {
-                let (place, _) = ui.allocate_exact_size(egui::vec2(12.0, 12.0), egui::Sense::hover());
-                status::paint_sign(ui.painter(), place.center(), 4.0, status);
-                ui.label(RichText::new(status.label()).color(status::colour(status)).strong());
-                ui.label(status::meaning(status));
-            });
+        ui.add_space(4.0);
+        // A short list makes a low window.
+        ScrollArea::vertical().auto_shrink([false, true]).max_height(room.height() - 90.0).show(ui, |ui| {
+            if sections.is_empty() && !has_status(&words) {
+                ui.label(RichText::new("Nothing has these words.").weak());
+            }
+            columns(ui, count, &sections);
+            statuses(ui, &words);
+        });
+    });
+    state.open.help = is_open;
+    if !is_open {
+        state.help_words.clear();
+    }
+}
+
+type Row = (String, String);
+
+/// Keys and actions of a section that have all words; an action without a key is only found by words.
+fn rows(section: &Section, words: &[String]) -> Vec<Row> {
+    let commands = section.commands.iter().filter(|command| !command.keys.is_empty() || !words.is_empty());
+    let commands = commands.map(|command| (command.all_keys(), command.name.to_owned()));
+    let gestures = section.gestures.iter().map(|(how, what)| ((*how).to_owned(), (*what).to_owned()));
+    commands.chain(gestures).filter(|(key, what)| has_words(&format!("{key} {what}"), words)).collect()
+}
+
+fn has_words(text: &str, words: &[String]) -> bool {
+    let text = text.to_lowercase();
+    words.iter().all(|word| text.contains(word))
+}
+
+/// Sections in columns of about the same height.
+fn columns(ui: &mut Ui, count: usize, sections: &[(&str, Vec<Row>)]) {
+    let all: usize = sections.iter().map(|(_, rows)| rows.len() + 2).sum();
+    ui.columns(count, |columns| {
+        let mut above = 0;
+        for (title, rows) in sections {
+            let ui = &mut columns[(above * count / all.max(1)).min(count - 1)];
+            above += rows.len() + 2;
+            ui.label(RichText::new(*title).strong());
+            rows.iter().for_each(|row| key_and_action(ui, row));
+            ui.add_space(8.0);
         }
     });
+}
+
+/// A row; a long text takes several lines beside its key.
+fn key_and_action(ui: &mut Ui, (key, what): &Row) {
+    ui.horizontal_top(|ui| {
+        let left = ui.cursor().left();
+        ui.label(RichText::new(key).monospace().size(12.0));
+        ui.add_space((left + KEYS - ui.cursor().left()).max(0.0));
+        ui.add(egui::Label::new(what).wrap());
+    });
+}
+
+fn status_words(status: Status) -> String {
+    format!("{} {}", status::label(status), status::meaning(status))
+}
+
+fn has_status(words: &[String]) -> bool {
+    Status::ALL.into_iter().any(|status| has_words(&status_words(status), words))
+}
+
+fn statuses(ui: &mut Ui, words: &[String]) {
+    if has_status(words) {
+        ui.label(RichText::new("Statuses").strong());
+    }
+    for status in Status::ALL.into_iter().filter(|status| has_words(&status_words(*status), words)) {
+        ui.horizontal(|ui| {
+            let (place, _) = ui.allocate_exact_size(egui::vec2(12.0, 12.0), egui::Sense::hover());
+            let colour = theme::on_panel(ui.ctx(), status);
+            status::paint_sign_in(ui.painter(), (place.center(), 4.0), status, colour);
+            ui.label(RichText::new(status::label(status)).color(colour).strong());
+            ui.label(status::meaning(status));
+        });
+    }
 }

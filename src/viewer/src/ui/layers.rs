@@ -1,66 +1,118 @@
-//! Overlays of the city view: labels, lanes, routes, conflict zones, control zones, plans.
+//! Layers of the city view: their switches, and what is written over the city, such as labels.
 
-use super::control_zones::{ControlZoneArea, zone_colour};
-use super::{CameraMode, UiState, ViewModel, events, occlusion, plans, status};
+use super::colouring::ColourBy;
+use super::{CameraMode, UiState, ViewModel, events, occlusion, overlay, plans, status, theme};
 use city3d_protocol::snapshot::{Status, VehicleInfo, VehicleState};
-use city3d_roadmap::{CityMap, LaneId, ZoneKind};
 use city3d_sensors::View;
-use egui::{Align2, Color32, FontId, Mesh, Painter, Pos2, Rect, Stroke, Ui};
-use glam::DVec3;
+use egui::{Align2, Color32, FontId, Painter, Pos2, Rect, Ui};
+use glam::{DVec2, DVec3};
 use serde::{Deserialize, Serialize};
 
-/// The visible overlays.
+/// The visible layers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct Layers {
     /// Numbers and names over the vehicles; the selected vehicle always has its label.
     pub labels: bool,
+    /// What the colour of a vehicle tells in labels, on the map and of boxes.
+    pub colour: ColourBy,
     /// Centre lines of all lanes.
     pub lanes: bool,
-    /// Planned lanes of the selected vehicle, or of all vehicles while none is selected.
+    /// Planned lanes of the selected vehicle.
     pub routes: bool,
+    /// Planned lanes of all vehicles.
+    pub all_routes: bool,
     /// Merging and crossing conflict zones, as the stretches of lanes that they cover.
     pub zones: bool,
     /// Control zones of the scenario: their roads from the entry lines to the last conflicts, and their names.
     pub control_zones: bool,
     /// Plans of coordinated vehicles: where and when each will be.
     pub plans: bool,
+    /// Driven paths.
+    pub tracks: bool,
+    /// The way ahead of the selected vehicle, or of all while none is selected.
+    pub path: bool,
+    /// Gaps to the vehicles ahead, with time headways.
+    pub gaps: bool,
+    /// Boxes around all vehicles.
+    pub boxes: bool,
+    /// What the cameras of the scenario see.
+    pub frusta: bool,
+    /// Measured poses against the true ones.
+    pub measured: bool,
     /// The minimap in the corner of the city view.
     pub map: bool,
+    /// What the colours of the visible layers mean.
+    pub legend: bool,
+    /// Scale bar, north arrow, and the place under the mouse.
+    pub rulers: bool,
 }
 
 impl Default for Layers {
     fn default() -> Self {
         Self {
             labels: true,
+            colour: ColourBy::default(),
             lanes: false,
             routes: false,
+            all_routes: false,
             zones: false,
             control_zones: true,
             plans: true,
+            tracks: false,
+            path: false,
+            gaps: false,
+            boxes: false,
+            frusta: false,
+            measured: false,
             map: true,
+            legend: true,
+            rulers: true,
         }
     }
 }
 
-/// Sampling step of lines on the ground.
-const STEP_M: f64 = 2.0;
-/// Opacity of control zones: the road stays visible below, also where lanes cross.
-const ZONE_TINT: f32 = 0.18;
 /// Largest distance of a label.
 const LABELS_WITHIN_M: f64 = 250.0;
+/// Between a label and the vehicle under it, points.
+const LABEL_GAP: f32 = 5.0;
 
-/// The window that switches overlays.
-pub fn window(ui: &Ui, state: &mut UiState) {
+/// Shows the switches of the layers.
+pub fn show(ui: &mut Ui, state: &mut UiState) {
     let layers = &mut state.layers;
-    super::sheet(ui, "Layers").open(&mut state.open.layers).show(ui.ctx(), |ui| {
-        ui.checkbox(&mut layers.labels, "Labels over vehicles (L)");
-        ui.checkbox(&mut layers.lanes, "Lanes");
-        ui.checkbox(&mut layers.routes, "Route of the selected vehicle, or of all");
-        ui.checkbox(&mut layers.zones, "Conflict zones");
-        ui.checkbox(&mut layers.control_zones, "Control zones");
-        ui.checkbox(&mut layers.plans, "Plans of coordinated vehicles");
-        ui.checkbox(&mut layers.map, "Map (M)");
+    ui.horizontal_top(|ui| {
+        ui.vertical(|ui| {
+            ui.strong("Roads");
+            ui.checkbox(&mut layers.lanes, "Lanes");
+            ui.checkbox(&mut layers.zones, "Conflict zones");
+            ui.checkbox(&mut layers.control_zones, "Control zones");
+            ui.checkbox(&mut layers.routes, "Route of the selected vehicle");
+            ui.checkbox(&mut layers.all_routes, "Routes of all vehicles");
+            ui.add_space(6.0);
+            ui.strong("View");
+            ui.checkbox(&mut layers.map, "Map (M)");
+            ui.checkbox(&mut layers.legend, "Legend");
+            ui.checkbox(&mut layers.rulers, "Scale, north, place under the mouse");
+        });
+        ui.separator();
+        ui.vertical(|ui| {
+            ui.strong("Vehicles");
+            ui.checkbox(&mut layers.labels, "Labels over vehicles (L)");
+            ui.checkbox(&mut layers.boxes, "Boxes");
+            ui.checkbox(&mut layers.tracks, "Driven paths");
+            ui.checkbox(&mut layers.path, "Way ahead");
+            ui.checkbox(&mut layers.gaps, "Gaps and headways");
+            ui.checkbox(&mut layers.plans, "Plans of coordinated vehicles");
+            ui.checkbox(&mut layers.measured, "Measured against true pose");
+            ui.checkbox(&mut layers.frusta, "What cameras see");
+            ui.add_space(6.0);
+            ui.strong("Colour of vehicles");
+            ui.horizontal(|ui| {
+                for by in ColourBy::ALL {
+                    ui.radio_value(&mut layers.colour, by, by.label());
+                }
+            });
+        });
     });
 }
 
@@ -87,53 +139,40 @@ impl<'a> Canvas<'a> {
         (share.x.abs() < 20.0 && share.y.abs() < 20.0).then_some(place)
     }
 
+    /// The point of the ground under a place on the screen; `None` above the horizon.
+    pub fn ground_at(&self, place: Pos2) -> Option<DVec2> {
+        let share = (place - self.rect.min) / self.rect.size();
+        let clip = DVec3::new(f64::from(share.x) * 2.0 - 1.0, 1.0 - f64::from(share.y) * 2.0, 0.5);
+        let through = self.view.clip_from_world().inverse().project_point3(clip);
+        let eye = self.view.extrinsics.position;
+        let ray = through - eye;
+        let steps = -eye.z / ray.z;
+        (steps.is_finite() && steps > 0.0).then(|| (eye + ray * steps).truncate())
+    }
+
     /// How far in front of the camera a point is.
     pub fn depth(&self, point: DVec3) -> f64 {
         (point - self.view.extrinsics.position).dot(self.view.extrinsics.forward())
     }
 
-    fn lane(&self, map: &CityMap, lane: LaneId, (from_m, to_m): (f64, f64), stroke: Stroke) {
-        let curve = &map.lane(lane).curve;
-        let count = ((to_m - from_m) / STEP_M).ceil().max(1.0) as u32;
-        let mut before: Option<Pos2> = None;
-        for k in 0..=count {
-            let s = from_m + (to_m - from_m) * f64::from(k) / f64::from(count);
-            let here = self.place(curve.at(s).pose.position.extend(0.05));
-            if let (Some(from), Some(to)) = (before, here) {
-                self.painter.line_segment([from, to], stroke);
-            }
-            before = here;
-        }
+    /// Where it draws, points.
+    pub(super) fn rect(&self) -> Rect {
+        self.rect
     }
 
-    /// Tints a stretch of a lane over its width.
-    fn tint(&self, map: &CityMap, lane: LaneId, (from_m, to_m): (f64, f64), colour: Color32) {
-        let lane = map.lane(lane);
-        let count = ((to_m - from_m) / STEP_M).ceil().max(1.0) as u32;
-        let mut mesh = Mesh::default();
-        for k in 0..=count {
-            let s = from_m + (to_m - from_m) * f64::from(k) / f64::from(count);
-            let pose = lane.curve.at(s).pose;
-            let edges = [0.5, -0.5].map(|share| pose.position + pose.left() * (share * lane.width_m));
-            let [left, right] = edges.map(|edge| self.place(edge.extend(0.05)));
-            let (Some(left), Some(right)) = (left, right) else {
-                self.painter.add(std::mem::take(&mut mesh));
-                continue;
-            };
-            let corner = mesh.vertices.len() as u32;
-            mesh.colored_vertex(left, colour);
-            mesh.colored_vertex(right, colour);
-            if corner > 0 {
-                mesh.add_triangle(corner - 2, corner - 1, corner);
-                mesh.add_triangle(corner - 1, corner, corner + 1);
-            }
-        }
-        self.painter.add(mesh);
+    /// The view that it draws over.
+    pub(super) fn view(&self) -> &View {
+        self.view
     }
 
     /// What overlays paint with.
     pub(super) fn painter(&self) -> &Painter {
         &self.painter
+    }
+
+    /// Whether a wall of the city hides a point.
+    pub(super) fn is_hidden(&self, point: DVec3, shown: &ViewModel<'_>) -> bool {
+        occlusion::is_occluded(self.view.extrinsics.position, point, shown.walls)
     }
 
     /// A text on a dark ground around a point, unless another one is there already; whether it is painted.
@@ -145,80 +184,59 @@ impl<'a> Canvas<'a> {
             return false;
         }
         taken.push(ground);
-        self.painter.rect_filled(ground, 3.0, Color32::from_black_alpha(170));
+        self.painter.rect_filled(ground, 3.0, theme::ON_PICTURE);
         self.painter.galley(place.min, text, Color32::WHITE);
         true
     }
 }
 
-/// Tints a control zone, with a line at each entry and its name in its middle.
-fn control_zone(canvas: &Canvas<'_>, map: &CityMap, (zone, area): (usize, &ControlZoneArea)) {
-    let colour = zone_colour(zone);
-    for stretch in &area.stretches {
-        canvas.tint(map, stretch.lane, (stretch.from_m, stretch.to_m), colour.gamma_multiply(ZONE_TINT));
-    }
-    for &(lane, at_m) in &area.entries {
-        let lane = map.lane(lane);
-        let pose = lane.curve.at(at_m).pose;
-        let ends = [0.5, -0.5].map(|share| pose.position + pose.left() * (share * lane.width_m));
-        if let [Some(from), Some(to)] = ends.map(|end| canvas.place(end.extend(0.05))) {
-            canvas.painter.line_segment([from, to], Stroke::new(2.0, colour));
-        }
-    }
-    if let Some(middle) = canvas.place(area.middle.extend(0.0)) {
-        canvas.text(middle, &area.name, colour, &mut Vec::new());
-    }
-}
-
-/// Draws the visible overlays.
+/// Writes what the visible layers say over the city.
 pub fn paint(canvas: &Canvas<'_>, state: &UiState, shown: &ViewModel<'_>) {
-    let map = shown.map;
-    let whole = |lane: LaneId| (0.0, map.lane(lane).curve.length());
-    if state.layers.lanes {
-        let stroke = Stroke::new(1.0, Color32::from_rgba_unmultiplied(120, 220, 255, 150));
-        map.lanes.iter().for_each(|lane| canvas.lane(map, lane.id, whole(lane.id), stroke));
-    }
-    if state.layers.zones {
-        for zone in &map.zones {
-            let colour = match zone.kind {
-                ZoneKind::Cross => Color32::from_rgba_unmultiplied(255, 90, 80, 170),
-                ZoneKind::Merge => Color32::from_rgba_unmultiplied(255, 180, 60, 170),
-                ZoneKind::Diverge => continue,
-            };
-            for side in &zone.sides {
-                canvas.lane(map, side.lane, (side.from_m, side.to_m), Stroke::new(3.0, colour));
-            }
-        }
-    }
     if state.layers.control_zones {
-        shown.control_zones.iter().enumerate().for_each(|zone| control_zone(canvas, map, zone));
-    }
-    if state.layers.routes {
-        for (vehicle, info) in shown.interpolated.iter() {
-            if state.selection.vehicle.is_some_and(|selected| selected != vehicle.id) {
-                continue;
+        for (zone, area) in shown.control_zones.iter().enumerate() {
+            let middle = area.middle.extend(0.0);
+            if let Some(place) = canvas.place(middle).filter(|_| !canvas.is_hidden(middle, shown)) {
+                let colour = super::control_zones::zone_colour(zone);
+                canvas.text(place, &area.name, colour, &mut Vec::new());
             }
-            let [r, g, b] = info.appearance.colour;
-            let stroke = Stroke::new(2.5, Color32::from_rgba_unmultiplied(r, g, b, 220));
-            let mut lanes = shown.routes.get(&vehicle.id).cloned().unwrap_or_default();
-            lanes.sort_unstable();
-            lanes.dedup();
-            lanes.into_iter().for_each(|lane| canvas.lane(map, lane, whole(lane), stroke));
         }
     }
     if state.layers.plans {
         plans::paint(canvas, state, shown);
     }
+    if state.layers.gaps {
+        gaps(canvas, state, shown);
+    }
     labels(canvas, state, shown);
+}
+
+/// Writes gaps in metres and seconds beside their lines.
+fn gaps(canvas: &Canvas<'_>, state: &UiState, shown: &ViewModel<'_>) {
+    let mut taken = Vec::new();
+    for vehicle in &shown.interpolated.vehicles {
+        if state.selection.vehicle.is_some_and(|selected| selected != vehicle.id) {
+            continue;
+        }
+        let Some((front, leader)) = overlay::bumper_gap(shown, vehicle.id) else { continue };
+        let headway_s = leader.headway_s();
+        let is_close = headway_s.is_some_and(|headway_s| headway_s < overlay::CLOSE_S);
+        let headway = headway_s.map_or_else(String::new, |s| format!(", {s:.1} s"));
+        let text = format!("{:.1} m{headway}", leader.following.gap_m);
+        let middle = overlay::above((front + leader.rear) / 2.0);
+        if let Some(place) = canvas.place(middle).filter(|_| !canvas.is_hidden(middle, shown)) {
+            let colour = if is_close { overlay::CLOSE_GAP } else { overlay::GAP };
+            canvas.text(place, &text, colour, &mut taken);
+        }
+    }
 }
 
 /// A label over a vehicle.
 struct Label {
     name: String,
     status: Status,
-    /// Screen positions of the label and of the vehicle under it.
+    colour: Color32,
+    /// Middle of its lower edge on the screen.
     place: Pos2,
-    foot: Pos2,
     depth: f64,
     is_selected: bool,
     /// A wall occludes the vehicle.
@@ -235,7 +253,7 @@ fn labels(canvas: &Canvas<'_>, state: &UiState, shown: &ViewModel<'_>) {
         let faded = |colour: Color32| if label.is_hidden { colour.gamma_multiply(0.45) } else { colour };
         let font = FontId::proportional(if label.is_selected { 13.0 } else { 11.0 });
         let painter = &canvas.painter;
-        let text = painter.layout_no_wrap(label.name, font, faded(status::colour(label.status)));
+        let text = painter.layout_no_wrap(label.name, font, faded(label.colour));
         // The sign of the status stands before the text.
         let sign = text.size().y;
         let whole = Align2::CENTER_BOTTOM.anchor_size(label.place, text.size() + egui::vec2(sign, 0.0));
@@ -244,14 +262,10 @@ fn labels(canvas: &Canvas<'_>, state: &UiState, shown: &ViewModel<'_>) {
             continue;
         }
         taken.push(ground);
-        painter.rect_filled(ground, 3.0, faded(Color32::from_black_alpha(150)));
+        painter.rect_filled(ground, 3.0, faded(theme::ON_PICTURE));
         painter.galley(rect.min, text, Color32::WHITE);
         let at = whole.left_center() + egui::vec2(0.4 * sign, 0.0);
-        status::paint_sign(painter, at, 0.24 * sign, label.status);
-        if label.is_selected {
-            let line = Stroke::new(1.0, faded(Color32::WHITE));
-            painter.line_segment([whole.center_bottom(), label.foot], line);
-        }
+        status::paint_sign_in(painter, (at, 0.24 * sign), label.status, faded(label.colour));
     }
 }
 
@@ -272,16 +286,24 @@ fn label(
     if is_carrier || !(is_selected || (state.layers.labels && eye.distance(top) < LABELS_WITHIN_M)) {
         return None;
     }
-    let place = canvas.place(top)?;
+    let place = label_place(canvas, (vehicle, info))?;
     // A selected vehicle has a label behind walls too.
     let is_hidden = occlusion::is_occluded(eye, roof, shown.walls);
     (is_selected || !is_hidden).then(|| Label {
         name: events::numbered_name(info),
         status: vehicle.status,
+        colour: state.layers.colour.colour(canvas.painter.ctx(), vehicle, shown),
         place,
-        foot: canvas.place(vehicle.position).unwrap_or(place),
         depth: canvas.depth(top),
         is_selected,
         is_hidden,
     })
+}
+
+/// Where a label stands: above the box of its vehicle on the screen, so that it never covers the vehicle.
+fn label_place(canvas: &Canvas<'_>, (vehicle, info): (&VehicleState, &VehicleInfo)) -> Option<Pos2> {
+    let middle = canvas.place(vehicle.position)?;
+    let corners = overlay::corners(vehicle, info).into_iter().filter_map(|corner| canvas.place(corner));
+    let top = corners.map(|corner| corner.y).fold(middle.y, f32::min);
+    Some(Pos2::new(middle.x, top - LABEL_GAP))
 }

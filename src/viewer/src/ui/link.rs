@@ -1,13 +1,12 @@
 //! The link of a city that is served here or watched elsewhere: who leads, what comes, and what does not work.
 
-use super::{CityKind, ViewModel};
+use super::{CityKind, ViewModel, theme};
+use city3d_protocol::snapshot::Status;
 use city3d_session::{EndStatus, LinkStatus};
 use egui::{Color32, RichText, Ui};
 
 /// Diameter of the lamp, points.
 const LAMP: f32 = 11.0;
-const GOOD: Color32 = Color32::from_rgb(120, 200, 120);
-const QUIET: Color32 = Color32::from_rgb(160, 160, 160);
 
 /// Shows the link in a few words; the tooltip has its counters.
 pub fn show(ui: &mut Ui, link: &LinkStatus, shown: &ViewModel<'_>) {
@@ -15,8 +14,8 @@ pub fn show(ui: &mut Ui, link: &LinkStatus, shown: &ViewModel<'_>) {
     let failed = shown.run_state.ends.iter().any(|end| end.failure.is_some());
     let colour = match (link.trouble.is_some() || failed, link.received_per_s > 0.0) {
         (true, _) => warning,
-        (false, true) => GOOD,
-        (false, false) => QUIET,
+        (false, true) => theme::on_panel(ui.ctx(), Status::Driving),
+        (false, false) => theme::on_panel(ui.ctx(), Status::Waiting),
     };
     let mut text = RichText::new(words(link, shown.city));
     if link.trouble.is_some() {

@@ -1,8 +1,9 @@
 //! Live measures of the shown run, and the samples of its time-space diagram.
 
+use super::tracks::Tracks;
 use city3d_protocol::snapshot::{FrameSnapshot, VehicleId};
 use city3d_roadmap::LaneId;
-use city3d_simulation::measures::TrafficMeasures;
+use city3d_simulation::measures::{LaneFinder, TrafficMeasures};
 use city3d_simulation::scenario::Experiment;
 use std::collections::{BTreeMap, VecDeque};
 use std::sync::Arc;
@@ -35,11 +36,17 @@ pub struct LiveTraffic {
     last_s: Option<f64>,
     places: BTreeMap<VehicleId, VecDeque<LanePlace>>,
     sampled_s: f64,
+    tracks: Tracks,
+    lanes: Arc<LaneFinder>,
 }
 
 impl LiveTraffic {
     /// Nothing has been seen of this experiment yet.
     pub fn new(experiment: &Arc<Experiment>) -> Self {
+        Self::with_lanes(experiment, Arc::new(LaneFinder::new(&experiment.city_map)))
+    }
+
+    fn with_lanes(experiment: &Arc<Experiment>, lanes: Arc<LaneFinder>) -> Self {
         Self {
             experiment: Arc::clone(experiment),
             measures: TrafficMeasures::new(experiment),
@@ -47,6 +54,8 @@ impl LiveTraffic {
             last_s: None,
             places: BTreeMap::new(),
             sampled_s: f64::NEG_INFINITY,
+            tracks: Tracks::default(),
+            lanes,
         }
     }
 
@@ -57,11 +66,13 @@ impl LiveTraffic {
             Some(last_s) if now_s == last_s => return,
             Some(last_s) if (0.0..JUMP_S).contains(&(now_s - last_s)) => {}
             _ => {
-                *self = Self { since_s: now_s, ..Self::new(&self.experiment) };
+                *self =
+                    Self { since_s: now_s, ..Self::with_lanes(&self.experiment, Arc::clone(&self.lanes)) };
             }
         }
         self.last_s = Some(now_s);
         self.measures.observe(None, snapshot);
+        self.tracks.observe(snapshot);
         if now_s - self.sampled_s >= EVERY_S - 1e-6 {
             self.sampled_s = now_s;
             self.sample(now_s);
@@ -89,6 +100,16 @@ impl LiveTraffic {
     /// What has been measured.
     pub fn measures(&self) -> &TrafficMeasures {
         &self.measures
+    }
+
+    /// Driven paths and waiting times.
+    pub fn tracks(&self) -> &Tracks {
+        &self.tracks
+    }
+
+    /// Map matching on the lanes of the city.
+    pub fn lanes(&self) -> &LaneFinder {
+        &self.lanes
     }
 
     /// Simulated time at which the measures begin.

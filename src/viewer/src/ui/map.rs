@@ -1,13 +1,20 @@
 //! The minimap in a corner of the city view.
 
 use super::control_zones::{ZoneStretch, zone_colour};
+use super::vehicle_menu::{MenuSubject, VehicleMenu};
 use super::{UiState, ViewModel, status};
-use city3d_protocol::snapshot::Aspect;
-use egui::{Color32, Pos2, Rect, Sense, Stroke, Ui, Vec2};
+use city3d_geometry::trig;
+use city3d_protocol::snapshot::{Aspect, VehicleId};
+use city3d_roadmap::CityMap;
+use egui::{Color32, Painter, Pos2, Rect, Sense, Shape, Stroke, Ui, Vec2};
 use glam::DVec2;
 
 const SIZE: f32 = 150.0;
 const MARGIN: f32 = 8.0;
+/// Arrows to vehicles outside lie so far from the edge.
+const EDGE: f32 = 7.0;
+/// Picking radius of a vehicle.
+const NEAR: f32 = 9.0;
 /// Pieces of the line of a control zone on a lane.
 const ZONE_STEPS: u32 = 12;
 
@@ -68,19 +75,71 @@ pub fn show(ui: &Ui, rect: Rect, state: &mut UiState, shown: &ViewModel<'_>) {
         let at = shown.map.lane(head.lane).curve.at(head.at_m).pose.position;
         painter.circle_filled(on_screen(at), 2.0, signal_colour(*aspect));
     }
+    let mut marks: Vec<(VehicleId, Pos2)> = Vec::new();
     for vehicle in &shown.interpolated.vehicles {
         let is_selected = state.selection.vehicle == Some(vehicle.id);
-        let at = on_screen(vehicle.position.truncate());
-        status::paint_sign(&painter, at, if is_selected { 4.0 } else { 3.0 }, vehicle.status);
+        let colour = state.layers.colour.colour(painter.ctx(), vehicle, shown);
+        let there = on_screen(vehicle.position.truncate());
+        let is_outside = !place.shrink(0.5 * EDGE).contains(there);
+        let inner = place.shrink(EDGE);
+        let at = if is_outside { there.clamp(inner.min, inner.max) } else { there };
+        marks.push((vehicle.id, at));
+        if is_outside {
+            // Outside of the map: an arrow at its edge points there.
+            paint_arrow(&painter, at, (there - at).normalized(), (6.0, colour));
+        } else {
+            let radius = if is_selected { 4.0 } else { 3.0 };
+            status::paint_sign_in(&painter, (at, radius), vehicle.status, colour);
+        }
         if is_selected {
             painter.circle_stroke(at, 6.5, Stroke::new(1.5, Color32::WHITE));
         }
     }
     let response = ui.interact(place, ui.scope_id().with("map"), Sense::click_and_drag());
-    if let (true, Some(at)) = (response.clicked() || response.dragged(), response.interact_pointer_pos()) {
+    if let Some(at) = response.interact_pointer_pos() {
         let from_middle = at - place.center();
         let point = DVec2::new(f64::from(from_middle.x), f64::from(-from_middle.y)) / scale + middle;
-        state.viewpoint.look_at(point);
+        if response.secondary_clicked() {
+            let near = marks.iter().filter(|(_, mark)| mark.distance(at) < NEAR);
+            let nearest = near.min_by(|a, b| a.1.distance(at).total_cmp(&b.1.distance(at)));
+            let subject = nearest.map_or(MenuSubject::Place(point), |(id, _)| MenuSubject::Vehicle(*id));
+            state.menu = Some(VehicleMenu::of(subject));
+        } else if response.clicked() || response.dragged_by(egui::PointerButton::Primary) {
+            state.viewpoint.look_at(point);
+        }
     }
-    response.on_hover_text("Click to look there (M hides the map)");
+    response.on_hover_text("Click to look there, right-click a vehicle for its menu (M hides the map)");
+}
+
+/// A vehicle farther than this beyond the lanes has left the city.
+const LEFT_M: f64 = 40.0;
+
+/// The way back for a person who has left the city, in words.
+pub fn way_back(map: &CityMap, position: DVec2) -> Option<String> {
+    const NAMES: [&str; 8] =
+        ["east", "north-east", "north", "north-west", "west", "south-west", "south", "south-east"];
+    let ends = || map.lanes.iter().flat_map(|lane| [lane.curve.start(), lane.curve.end()]);
+    let low = ends().map(|pose| pose.position).fold(DVec2::INFINITY, DVec2::min);
+    let high = ends().map(|pose| pose.position).fold(DVec2::NEG_INFINITY, DVec2::max);
+    let way = position.clamp(low.min(high), high) - position;
+    (low.is_finite() && way.length() > LEFT_M).then(|| {
+        let eighth =
+            (trig::atan2(way.y, way.x) / std::f64::consts::FRAC_PI_4).round().rem_euclid(8.0) as usize;
+        format!("You left the city: it is {:.0} m to the {}", way.length(), NAMES[eighth % NAMES.len()])
+    })
+}
+
+/// An arrow head around a point.
+pub fn paint_arrow(painter: &Painter, at: Pos2, direction: Vec2, (size, colour): (f32, Color32)) {
+    let side = direction.rot90();
+    let corners = [
+        at + direction * size,
+        at - direction * (0.5 * size) + side * (0.6 * size),
+        at - direction * (0.5 * size) - side * (0.6 * size),
+    ];
+    painter.add(Shape::convex_polygon(
+        corners.to_vec(),
+        colour,
+        Stroke::new(1.0, Color32::from_black_alpha(160)),
+    ));
 }

@@ -2,47 +2,76 @@
 //! the user's choices; they request pictures and return actions, and touch neither the run nor the GPU.
 
 mod bar;
+mod charts;
 mod city;
+mod colouring;
+mod commands;
 mod control_zones;
 mod controllers;
 mod drive;
 mod events;
 mod gaze;
 mod help;
-mod history;
+mod inspector;
 mod keys;
 mod layers;
+mod layout;
+mod legend;
 mod link;
 mod live_traffic;
 mod map;
+mod measure;
 mod occlusion;
+mod overlay;
+mod palette;
+mod panels;
 mod plans;
 mod preview;
+mod rulers;
+mod run_until;
+pub mod runs;
+mod settings;
 mod status;
+mod theme;
 mod timeline;
+mod tracks;
 mod traffic;
+mod vehicle_menu;
 mod vehicles;
+mod video;
 mod viewpoint;
 
+pub use charts::{ChartKind, ChartSpan, ChartState, ChartView};
+pub use colouring::ColourBy;
+pub use commands::{Command, SECTIONS, Section, Shortcut};
 pub use control_zones::{ControlZoneArea, ZoneStretch};
 pub use drive::ManualDrive;
-pub use events::{EventFilter, event_words};
-pub use history::{History, HistorySample, KEPT_S};
+pub use events::{EventFilter, announcement, event_words};
 pub use layers::Layers;
+pub use layout::{Layout, StoredLayout};
 pub use live_traffic::LiveTraffic;
-pub use preview::{Preview, PreviewCamera, ScenarioCamera};
+pub use measure::Measure;
+pub use palette::Palette;
+pub use panels::Panel;
+pub use preview::{KEPT_S, Preview, PreviewCamera, ScenarioCamera};
+pub use run_until::RunUntilState;
 pub use status::is_off_lanes;
-pub use timeline::TimelineRange;
+pub use theme::{Preferences, SpeedUnit, StatusColours, Theme, ground};
+pub use timeline::{ShownTime, TimelineRange, TimelineView};
+pub use tracks::{TrackPoint, Tracks};
+pub use vehicle_menu::{MenuSubject, VehicleMenu};
 pub use vehicles::TableState;
-pub use viewpoint::{CameraMode, Viewpoint};
+pub use video::{VideoKind, VideoStatus};
+pub use viewpoint::{Bookmark, Bookmarks, CameraMode, Viewpoint};
 
 use crate::cockpit::{Devices, SteeringGeometry};
 use city3d_protocol::snapshot::{FrameSnapshot, VehicleId};
+use city3d_render::Overlay;
 use city3d_roadmap::{CityMap, LaneId};
 use city3d_scene::Wall;
-use city3d_sensors::View;
+use city3d_sensors::{PictureKind, View};
 use city3d_session::playback::{PlaybackCommand, Playhead, TimelineMark};
-use city3d_session::{Order, RunState};
+use city3d_session::{Order, RunHistory, RunState};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
@@ -56,8 +85,8 @@ pub struct ViewModel<'a> {
     pub run_state: &'a RunState,
     /// The snapshot that the pictures show, interpolated between the last two while the run goes on.
     pub interpolated: &'a FrameSnapshot,
-    /// Samples for the running plots of the previews.
-    pub history: &'a History,
+    /// Past states of the run.
+    pub history: &'a RunHistory,
     /// Events of the run, of a live one those so far.
     pub events: &'a [TimelineMark],
     /// Live measures of the run.
@@ -80,7 +109,7 @@ pub struct ViewModel<'a> {
     pub scenario: &'a str,
     /// Duration that the scenario sets, simulated seconds; a run may go on beyond it.
     pub duration_s: f64,
-    /// Scenarios to choose from; none in a replay.
+    /// Scenarios to choose from.
     pub scenarios: &'a [ScenarioChoice],
     /// What is being loaded, in words; nothing changes until it is loaded.
     pub loading: Option<&'a str>,
@@ -98,6 +127,25 @@ pub struct ViewModel<'a> {
     pub city: CityKind,
     /// The playback, where a recorded run is shown.
     pub replay: Option<ReplayView<'a>>,
+    /// Recent files, recorded runs, and what can be run again.
+    pub runs: runs::RunsView<'a>,
+    /// Which time of a run that goes on is shown.
+    pub past: PastView,
+    /// Duration of a step of the simulation, seconds.
+    pub step_s: f64,
+    /// The chart, where one is open.
+    pub chart: ChartView<'a>,
+    /// The video that is being recorded.
+    pub video: Option<VideoStatus>,
+}
+
+/// Which time of a run that goes on the window shows.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PastView {
+    /// The playhead; it ends at the present.
+    pub head: Playhead,
+    /// The past is shown, while the city drives on.
+    pub is_shown: bool,
 }
 
 /// Where a city runs.
@@ -113,11 +161,16 @@ pub enum CityKind {
 }
 
 impl ViewModel<'_> {
-    /// Whether the user may take the wheel of a vehicle.
+    /// Whether the user may take control of a vehicle.
     pub fn may_drive(&self, vehicle: VehicleId) -> bool {
         let own = self.run_state.link.as_ref().and_then(|link| link.own_vehicle);
         let is_physical = self.run_state.now.info(vehicle).is_some_and(|info| info.is_physical());
         !is_physical && (self.city != CityKind::Elsewhere || own == Some(vehicle))
+    }
+
+    /// Scale of the laboratory.
+    fn scale(&self) -> city3d_geometry::LengthScale {
+        self.traffic.measures().scale()
     }
 
     fn cameras_of(&self, vehicle: VehicleId) -> &[ScenarioCamera] {
@@ -167,6 +220,8 @@ pub struct PictureRequest {
     pub slot: PictureSlot,
     /// Camera and resolution of the picture, city frame.
     pub view: View,
+    /// What its pixels show.
+    pub kind: PictureKind,
 }
 
 /// An action of the user that the panels do not carry out themselves.
@@ -178,16 +233,30 @@ pub enum UiAction {
     PlaybackCommand(PlaybackCommand),
     /// The user takes over this vehicle.
     Drive(VehicleId),
-    /// The user gives the driven vehicle back to its algorithm.
+    /// The user releases the driven vehicle to its algorithm.
     GiveBack,
-    /// Another scenario, by a shipped name or a file, from its beginning.
+    /// Another scenario, by a shipped name or a file, from its beginning; with what replaces values of the present one.
     Scenario(String),
+    /// A scenario, a map or a log.
+    Open(runs::OpenRequest),
+    /// The log of the present run, which ends with it.
+    Replay,
+    /// The scenario that is shown from its beginning, with this seed or its own, at once.
+    RunAgain(Option<u64>),
+    /// The run is reset: the user was asked.
+    ResetConfirmed,
+    /// The measures of the present run beside those of another one: its folder or its log.
+    CompareWith(std::path::PathBuf),
     /// Another quality or time of day; the city's renderer is built again.
     Look(Look),
     /// A device mapping has changed and is to be stored.
     KeepDevices,
     /// A picture of the next frame, saved as a PNG file in the working folder.
     Screenshot,
+    /// The chart, saved into the working folder.
+    SaveChart,
+    /// A video of the window begins, or the one that is being recorded ends.
+    Video(VideoKind),
     /// The window closes.
     Quit,
 }
@@ -231,22 +300,6 @@ pub struct Look {
     pub hours: f64,
 }
 
-/// Widths of the panels at the sides, points.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(default)]
-pub struct PanelWidths {
-    /// The table of vehicles, at the left.
-    pub vehicles: f32,
-    /// The previews, at the right.
-    pub previews: f32,
-}
-
-impl Default for PanelWidths {
-    fn default() -> Self {
-        Self { vehicles: 425.0, previews: 270.0 }
-    }
-}
-
 /// The selected vehicle.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Selection {
@@ -256,13 +309,20 @@ pub struct Selection {
     pub follow: Option<VehicleId>,
 }
 
-/// Panels that are open.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+/// Panels and pages that are open.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct OpenPanels {
+    /// The table of vehicles.
+    pub vehicles: bool,
+    /// The previews, while there are any.
+    pub cameras: bool,
     /// All keys and statuses (F1).
     #[serde(skip)]
     pub help: bool,
+    /// Theme, size, units.
+    #[serde(skip)]
+    pub settings: bool,
     /// Switches of the overlays.
     #[serde(skip)]
     pub layers: bool,
@@ -270,11 +330,32 @@ pub struct OpenPanels {
     #[serde(skip)]
     pub controllers: bool,
     /// The list of events (F3).
-    #[serde(skip)]
     pub events: bool,
     /// Delay, throughput, safety and energy (F4).
-    #[serde(skip)]
     pub traffic: bool,
+    /// Quantities over time and figures (F6).
+    #[serde(skip)]
+    pub charts: bool,
+    /// Why the selected vehicle does what it does (I).
+    #[serde(skip)]
+    pub inspector: bool,
+}
+
+impl Default for OpenPanels {
+    fn default() -> Self {
+        Self {
+            vehicles: true,
+            cameras: true,
+            help: false,
+            settings: false,
+            layers: false,
+            controllers: false,
+            events: false,
+            traffic: false,
+            charts: false,
+            inspector: false,
+        }
+    }
 }
 
 /// State of the user interface: what the user has chosen.
@@ -294,22 +375,46 @@ pub struct UiState {
     pub look: Look,
     /// The windows that are open over the city.
     pub open: OpenPanels,
-    /// Widths that the user has given the side panels; a narrow window limits them.
-    pub widths: PanelWidths,
+    /// Where the panels are.
+    pub layout: Layout,
+    /// Theme, status colours, size and units.
+    pub preferences: Preferences,
+    /// The command palette.
+    pub palette: Palette,
+    /// Words that the help is searched for.
+    pub help_words: String,
+    /// A widget had the keyboard focus in the last frame.
+    had_focus: bool,
     /// Manual control of the vehicle that the user drives.
     pub driving: Option<ManualDrive>,
     /// Filter of the events.
     pub events: EventFilter,
     /// Visible range of the timeline.
     pub section: TimelineRange,
+    /// What is charted.
+    pub charts: ChartState,
+    /// Goals of a run.
+    pub run_until: RunUntilState,
+    /// Simulated seconds between two pictures of a time-lapse.
+    pub lapse_s: f64,
     /// The playhead is being dragged.
     pub is_scrubbing: bool,
     /// Gamepads and steering wheels.
     pub devices: Devices,
+    /// Start page, file panel, and the end of a run.
+    pub runs: runs::RunPanels,
     /// A message to the user, and until when it is shown, seconds of egui's clock.
     pub notice: Option<(String, f64)>,
     /// The pictures that this frame needs.
     pub pictures: Vec<PictureRequest>,
+    /// Lines and surfaces in the city, over the picture of the large view.
+    pub overlay: Overlay,
+    /// The menu of a vehicle or a place.
+    pub menu: Option<VehicleMenu>,
+    /// The measure tool.
+    pub measure: Measure,
+    /// Stored cameras of the large view.
+    pub bookmarks: Bookmarks,
 }
 
 impl UiState {
@@ -323,15 +428,40 @@ impl UiState {
             layers: Layers::default(),
             look,
             open: OpenPanels::default(),
-            widths: PanelWidths::default(),
+            layout: Layout::default(),
+            preferences: Preferences::default(),
+            palette: Palette::default(),
+            help_words: String::new(),
+            had_focus: false,
             driving: None,
             events: EventFilter::default(),
             section: TimelineRange::default(),
+            charts: ChartState::default(),
+            run_until: RunUntilState::default(),
+            lapse_s: 1.0,
             is_scrubbing: false,
             devices: Devices::default(),
+            runs: runs::RunPanels::default(),
             notice: None,
             pictures: Vec::new(),
+            overlay: Overlay::default(),
+            menu: None,
+            measure: Measure::default(),
+            bookmarks: Bookmarks::default(),
         }
+    }
+
+    /// The state for another run: what belongs to the user stays, what belongs to the run goes.
+    pub fn renewed(&mut self, snapshot: &FrameSnapshot) -> Self {
+        let mut next = Self::new(snapshot, self.look);
+        next.table = std::mem::take(&mut self.table);
+        (next.layers, next.preferences) = (self.layers, self.preferences);
+        next.devices = std::mem::take(&mut self.devices);
+        next.bookmarks = std::mem::take(&mut self.bookmarks);
+        (next.layout, next.open) = (std::mem::take(&mut self.layout), self.open);
+        next.runs.start_page.fields = self.runs.start_page.fields.clone();
+        next.runs.last_folder = self.runs.last_folder.take();
+        next
     }
 
     /// Opens the preview of a vehicle, or closes it.
@@ -339,13 +469,19 @@ impl UiState {
         let count = self.previews.len();
         self.previews.retain(|preview| preview.vehicle != vehicle);
         if self.previews.len() == count {
-            self.previews.push(Preview { vehicle, eye: PreviewCamera::default() });
+            self.open.cameras = true;
+            self.previews.push(Preview::new(vehicle));
         }
     }
 
     /// Whether something on display needs the plans of coordinated vehicles.
     pub fn shows_plans(&self) -> bool {
         self.layers.plans || self.open.traffic || !self.previews.is_empty()
+    }
+
+    /// Whether something on display needs the decisions of the control framework.
+    pub fn shows_decisions(&self) -> bool {
+        self.open.inspector || self.layers.measured
     }
 
     /// The vehicle that the user drives.
@@ -360,6 +496,26 @@ impl UiState {
         }
         let nearest = self.selection.vehicle;
         self.viewpoint.set_mode(mode, nearest);
+    }
+
+    /// All panels back in their usual places.
+    pub fn restore_layout(&mut self) {
+        let pages =
+            OpenPanels { help: self.open.help, settings: self.open.settings, ..OpenPanels::default() };
+        (self.layout, self.open) = (Layout::default(), pages);
+    }
+
+    /// What Escape closes first: a page, else a panel over the city. Docked panels stay.
+    fn first_to_close(&self) -> Option<fn(&mut Self)> {
+        if self.open.help {
+            return Some(|state| state.open.help = false);
+        }
+        if self.open.settings {
+            return Some(|state| state.open.settings = false);
+        }
+        let is_over =
+            |entry: &&panels::PanelEntry| (entry.is_open)(self) && self.layout.is_floating(entry.panel);
+        panels::ALL.iter().find(is_over).map(|entry| entry.close)
     }
 
     /// Shows a message for some seconds.
@@ -389,20 +545,10 @@ impl UiState {
     }
 }
 
-/// Least widths of the side panels, points.
-const LEAST_VEHICLES: f32 = 180.0;
-const LEAST_PREVIEWS: f32 = 160.0;
-/// Largest width of a side panel, points.
-const WIDEST: f32 = 640.0;
-/// Largest fraction of the window for a side panel.
-const MOST_OF_WINDOW: f32 = 0.333;
-
-/// Background colour of the panels. The painter clears to it; the panels do not paint it.
-pub const GROUND: egui::Color32 = egui::Color32::from_gray(27);
-
 /// Lays out all panels for one frame. Afterwards `state.pictures` holds the pictures that they need.
 pub fn show(ui: &mut egui::Ui, state: &mut UiState, shown: &ViewModel<'_>) -> Vec<UiAction> {
     let mut actions = Vec::new();
+    theme::apply(ui.ctx(), state.preferences);
     state.pictures.clear();
     state.update(shown);
     if !state.open.events {
@@ -410,11 +556,12 @@ pub fn show(ui: &mut egui::Ui, state: &mut UiState, shown: &ViewModel<'_>) -> Ve
         state.events.filter.clear();
     }
     state.events.update(shown.events);
+    palette::show(ui, state, shown, &mut actions);
     keys::act(ui, state, shown, &mut actions);
     if state.viewpoint.ease(f64::from(ui.input(|input| input.stable_dt.min(0.1)))) {
         ui.ctx().request_repaint();
     }
-    if shown.replay.is_some() {
+    if TimelineView::of(shown).is_played() {
         // Gamepad buttons have no function in a replay.
         drop(state.devices.take_pressed());
     } else {
@@ -427,71 +574,30 @@ pub fn show(ui: &mut egui::Ui, state: &mut UiState, shown: &ViewModel<'_>) -> Ve
         ui.add_space(3.0);
     });
     egui::Panel::bottom("footer").frame(frame).show(ui, |ui| footer(ui, shown));
-    if let Some(replay) = &shown.replay {
-        egui::Panel::bottom("timeline").frame(frame).show(ui, |ui| {
-            ui.add_space(2.0);
-            timeline::show(ui, state, shown, replay, &mut actions);
-        });
-    } else {
-        egui::Panel::bottom("events")
-            .frame(frame)
-            .show(ui, |ui| events::live(ui, state, shown, &mut actions));
-    }
-    // The city keeps at least a third of the window.
-    let whole = ui.available_width();
-    let third = (whole * MOST_OF_WINDOW).clamp(0.0, WIDEST);
-    let side = |panel: egui::Panel, width: f32, (least, most): (f32, f32)| {
-        panel.frame(frame).default_size(width.min(most)).size_range(least.min(most)..=most)
-    };
-    // A panel below its preferred width gets another id per width: egui then restores the preferred width.
-    let room = |preferred: f32, most: f32| if preferred > most { most as u32 } else { 0 };
-    let beside = if state.previews.is_empty() { preview::STRIP } else { LEAST_PREVIEWS.min(third) };
-    let most = vehicles::least_width(ui).min(whole - third - beside).max(third);
-    let panel = egui::Panel::left(("vehicles", room(state.widths.vehicles, most)));
-    let panel = side(panel, state.widths.vehicles, (LEAST_VEHICLES, most));
-    let panel = panel.show(ui, |ui| {
-        // A panel keeps its width whatever it holds.
-        ui.set_min_width(ui.available_width());
-        vehicles::show(ui, shown, state);
+    egui::Panel::bottom("timeline").frame(frame).show(ui, |ui| {
+        timeline::show(ui, state, shown, &mut actions);
     });
-    let width = panel.response.rect.width();
-    remember_width(&mut state.widths.vehicles, width, most);
-    if state.previews.is_empty() {
-        let panel = egui::Panel::right("no previews").frame(frame.inner_margin(0)).resizable(false);
-        panel.exact_size(preview::STRIP).show(ui, |ui| preview::strip(ui, state, shown));
-    } else {
-        let most = third.min((whole - third - width).max(0.0));
-        let panel = egui::Panel::right(("previews", room(state.widths.previews, most)));
-        let panel = side(panel, state.widths.previews, (LEAST_PREVIEWS, most));
-        let panel = panel.show(ui, |ui| {
-            ui.set_min_width(ui.available_width());
-            preview::show_all(ui, state, shown, &mut actions);
-        });
-        remember_width(&mut state.widths.previews, panel.response.rect.width(), most);
+    if !state.open.controllers {
+        state.devices.stop_learning();
     }
-    egui::CentralPanel::no_frame().show(ui, |ui| city::show(ui, state, shown));
-    layers::window(ui, state);
-    controllers::window(ui, state, &mut actions);
-    if state.open.events {
-        events::window(ui, state, shown, &mut actions);
-    }
-    traffic::window(ui, state, shown);
-    help::window(ui, state, shown.replay.is_some());
+    egui::CentralPanel::no_frame().show(ui, |ui| layout::show(ui, state, shown, &mut actions));
+    vehicle_menu::show(ui, state, shown, &mut actions);
+    settings::window(ui, state);
+    help::window(ui, state, shown);
+    runs::show(ui, state, shown, &mut actions);
     drive::step(ui, state, shown, &mut actions);
+    state.had_focus = ui.memory(|memory| memory.focused().is_some());
     actions
-}
-
-/// Stores the width that the user has given a panel; a width that only the window limits is not stored.
-fn remember_width(preferred: &mut f32, width: f32, most: f32) {
-    if (width - preferred.min(most)).abs() > 0.5 {
-        *preferred = width;
-    }
 }
 
 /// A window over the city, below the bar and between the side panels.
 fn sheet(ui: &egui::Ui, title: &'static str) -> egui::Window<'static> {
     let top = ui.ctx().content_rect().center_top() + egui::vec2(0.0, 70.0);
-    egui::Window::new(title).pivot(egui::Align2::CENTER_TOP).default_pos(top).resizable(false)
+    egui::Window::new(title)
+        .pivot(egui::Align2::CENTER_TOP)
+        .default_pos(top)
+        .resizable(false)
+        .collapsible(false)
 }
 
 fn footer(ui: &mut egui::Ui, shown: &ViewModel<'_>) {
@@ -499,20 +605,22 @@ fn footer(ui: &mut egui::Ui, shown: &ViewModel<'_>) {
         let has_own = shown.run_state.link.as_ref().is_some_and(|link| link.own_vehicle.is_some());
         ui.small(match shown.city {
             _ if shown.replay.is_some() => {
-                "Space play/pause   left right 5 s   [ ] event   click a car to select   F follow   P preview   F1 all keys"
+                "Space play/pause   Left Right 5 s   [ ] event   click a car to select   Ctrl+P all actions   F1 help"
             }
             CityKind::Local => {
-                "Space start/pause   N step   click a car to select   F follow   P preview   Enter drive   F1 all keys"
+                "Space start/pause   click a car to select   F follow   P camera   Enter drive   Ctrl+P all actions   F1 help"
             }
-            CityKind::Elsewhere if !has_own => "click a car to select   F follow   P preview   F1 all keys",
+            CityKind::Elsewhere if !has_own => {
+                "click a car to select   F follow   P camera   Ctrl+P all actions   F1 help"
+            }
             CityKind::Served | CityKind::Elsewhere => {
-                "Space start/pause   click a car to select   F follow   P preview   Enter drive   F1 all keys"
+                "Space start/pause   click a car to select   F follow   P camera   Enter drive   Ctrl+P all actions   F1 help"
             }
         });
         ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
             if shown.frames_per_s > 0.0 {
                 // Fixed width, so that its neighbours do not move.
-                let text = format!("{:3.0} pictures/s", shown.frames_per_s);
+                let text = format!("{:3.0} fps", shown.frames_per_s);
                 ui.label(egui::RichText::new(text).small().monospace());
             }
             ui.add(egui::Label::new(egui::RichText::new(shown.footer).small().weak()).truncate());

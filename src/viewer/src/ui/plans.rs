@@ -2,14 +2,14 @@
 
 use super::control_zones::zone_colour;
 use super::layers::Canvas;
-use super::{UiState, ViewModel};
+use super::overlay::{self, body_colour};
+use super::{UiState, ViewModel, theme};
 use city3d_protocol::snapshot::VehicleId;
+use city3d_render::Overlay;
 use city3d_session::{CoordinationState, NoPlan, PlannedPassage, PlannedPlace};
-use egui::{Color32, Grid, Pos2, Rect, RichText, Stroke, Ui, Vec2};
+use egui::{Color32, Grid, Rect, RichText, Ui, Vec2};
 use glam::DVec3;
 
-/// Height of what is painted over the road.
-const ABOVE_ROAD_M: f64 = 0.1;
 /// Half the width of the bar at the entry of the junction.
 const BAR_HALF_M: f64 = 1.9;
 /// From a dot to its number, points.
@@ -20,56 +20,57 @@ const ROWS: u8 = 5;
 /// Vehicles that the order of a zone lists at most.
 const LISTED: usize = 8;
 
-/// Draws the plans: the way to the exit of the zone with a dot every second, and a bar with the time of entry where the
-/// first conflict begins. Seconds of the selected vehicle are numbered.
-pub(super) fn paint(canvas: &Canvas<'_>, state: &UiState, shown: &ViewModel<'_>) {
-    let Some(coordination) = &shown.run_state.coordination else { return };
-    let now_s = shown.run_state.now.time_s;
-    let selected = state.selection.vehicle;
-    let planned =
-        coordination.vehicles.iter().filter_map(|vehicle| Some((vehicle.id, vehicle.plan.as_ref().ok()?)));
-    let mut planned: Vec<_> = planned.collect();
+/// Vehicles with plans, in the order of entry.
+fn planned<'a>(shown: &'a ViewModel<'_>) -> Vec<(VehicleId, &'a PlannedPassage)> {
+    let vehicles = shown.run_state.coordination.iter().flat_map(|coordination| &coordination.vehicles);
+    let mut planned: Vec<_> =
+        vehicles.filter_map(|vehicle| Some((vehicle.id, vehicle.plan.as_ref().ok()?))).collect();
     planned.sort_by(|a, b| a.1.enters_s.total_cmp(&b.1.enters_s));
-    for (id, plan) in &planned {
-        way(canvas, plan, (colour(shown, *id), selected == Some(*id)));
+    planned
+}
+
+/// Adds the plans to the overlay: the way to the exit of the zone with a dot every second, and a bar where the first
+/// conflict begins.
+pub(super) fn add(to: &mut Overlay, state: &UiState, shown: &ViewModel<'_>) {
+    if !state.layers.plans {
+        return;
     }
+    let now_s = shown.run_state.now.time_s;
+    for (id, plan) in planned(shown) {
+        let colour = body_colour(shown, id);
+        let is_selected = state.selection.vehicle == Some(id);
+        let way: Vec<_> = plan.places.iter().map(|place| overlay::above(place.pose.position)).collect();
+        to.polyline(&way, if is_selected { 3.0 } else { 1.5 }, overlay::paint(colour, 0.8));
+        let radius_m = if is_selected { 0.55 } else { 0.35 };
+        for place in plan.places.iter().filter(|place| is_second(place)) {
+            overlay::disc(to, place.pose.position, radius_m, overlay::paint(colour, 1.0));
+        }
+        if plan.enters_s > now_s {
+            let bar = bar(plan);
+            to.line(bar, 4.0, overlay::paint(Color32::BLACK, 0.7));
+            to.line(bar, 2.5, overlay::paint(colour, 1.0));
+        }
+    }
+}
+
+/// Writes the times of entry, and numbers the seconds of the selected vehicle.
+pub(super) fn paint(canvas: &Canvas<'_>, state: &UiState, shown: &ViewModel<'_>) {
+    let now_s = shown.run_state.now.time_s;
+    let planned = planned(shown);
     let mut taken: Vec<Rect> = Vec::new();
     for (id, plan) in planned.iter().filter(|(_, plan)| plan.enters_s > now_s) {
         let text = format!("{id} in {:.1} s", plan.enters_s - now_s);
-        entry(canvas, plan, (colour(shown, *id), &text), &mut taken);
+        entry(canvas, plan, (body_colour(shown, *id), &text), &mut taken);
     }
-    if let Some((_, plan)) = planned.iter().find(|(id, _)| Some(*id) == selected) {
+    if let Some((_, plan)) = planned.iter().find(|(id, _)| Some(*id) == state.selection.vehicle) {
         seconds(canvas, plan, &mut taken);
-    }
-}
-
-/// The colour of the body, lifted so that dark bodies show on the road.
-fn colour(shown: &ViewModel<'_>, id: VehicleId) -> Color32 {
-    let colour = shown.run_state.now.info(id).map(|info| info.appearance.colour);
-    let [r, g, b] = colour.unwrap_or([140, 150, 160]);
-    let lift = |channel: u8| 90 + (u16::from(channel) * 165 / 255) as u8;
-    Color32::from_rgb(lift(r), lift(g), lift(b))
-}
-
-/// The way to the exit, with a dot every second.
-fn way(canvas: &Canvas<'_>, plan: &PlannedPassage, (colour, is_selected): (Color32, bool)) {
-    let places: Vec<_> = plan.places.iter().map(|place| (place, on_screen(canvas, place))).collect();
-    let stroke = Stroke::new(if is_selected { 3.0 } else { 1.5 }, colour.gamma_multiply(0.8));
-    for pair in places.windows(2) {
-        if let [(_, Some(from)), (_, Some(to))] = *pair {
-            canvas.painter().line_segment([from, to], stroke);
-        }
-    }
-    let radius = if is_selected { 4.0 } else { 2.5 };
-    for at in places.iter().filter(|(place, _)| is_second(place)).filter_map(|(_, at)| *at) {
-        canvas.painter().circle(at, radius, colour, Stroke::new(1.0, Color32::from_black_alpha(160)));
     }
 }
 
 /// Numbers the seconds, beside the dots.
 fn seconds(canvas: &Canvas<'_>, plan: &PlannedPassage, taken: &mut Vec<Rect>) {
     for place in plan.places.iter().filter(|place| is_second(place)) {
-        if let Some(at) = on_screen(canvas, place) {
+        if let Some(at) = canvas.place(overlay::above(place.pose.position)) {
             canvas.text(at + BESIDE_DOT, &format!("{:.0} s", place.in_s), Color32::WHITE, taken);
         }
     }
@@ -79,17 +80,14 @@ fn is_second(place: &PlannedPlace) -> bool {
     place.in_s > 0.0 && place.in_s.fract() == 0.0
 }
 
-fn on_screen(canvas: &Canvas<'_>, place: &PlannedPlace) -> Option<Pos2> {
-    canvas.place(place.pose.position.extend(ABOVE_ROAD_M))
+/// Ends of the bar where a vehicle enters the first conflict.
+fn bar(plan: &PlannedPassage) -> [DVec3; 2] {
+    [BAR_HALF_M, -BAR_HALF_M].map(|left_m| overlay::above(plan.entry.point_at(0.0, left_m)))
 }
 
-/// The bar where a vehicle enters the first conflict, with the time; those of one entry stand above one another.
+/// The time at the bar of a vehicle; those of one entry stand above one another.
 fn entry(canvas: &Canvas<'_>, plan: &PlannedPassage, (colour, text): (Color32, &str), taken: &mut Vec<Rect>) {
-    let left = plan.entry.left() * BAR_HALF_M;
-    let ends = [left, -left].map(|side| (plan.entry.position + side).extend(ABOVE_ROAD_M));
-    if let [Some(from), Some(to)] = ends.map(|end: DVec3| canvas.place(end)) {
-        canvas.painter().line_segment([from, to], Stroke::new(4.0, Color32::from_black_alpha(180)));
-        canvas.painter().line_segment([from, to], Stroke::new(2.5, colour));
+    if let [Some(from), Some(to)] = bar(plan).map(|end| canvas.place(end)) {
         let top = if from.y < to.y { from } else { to };
         let is_painted = |row: u8| {
             let place = top - egui::vec2(0.0, 12.0 + ROW * f32::from(row));
@@ -165,7 +163,7 @@ pub(super) fn queue(ui: &mut Ui, shown: &ViewModel<'_>) {
         ui.end_row();
         let measured: Vec<_> = shown.traffic.measures().zones().collect();
         for (zone, area) in shown.control_zones.iter().enumerate() {
-            ui.label(RichText::new(&area.name).color(zone_colour(zone)));
+            ui.label(RichText::new(&area.name).color(theme::on_ground(ui.ctx(), zone_colour(zone))));
             let cells = match (coordination, measured.get(zone)) {
                 (Some(coordination), _) => numbers(coordination, zone),
                 (None, Some((_, traffic))) => {

@@ -1,11 +1,11 @@
 //! The preview panels: camera picture, pedals and running plots of one vehicle.
 
-use super::history::{HistorySample, KEPT_S};
+use super::theme::SpeedUnit;
 use super::vehicles::tenths;
-use super::{PictureRequest, PictureSlot, UiAction, UiState, ViewModel, plans, status};
-use city3d_geometry::trig;
-use city3d_protocol::snapshot::{FrameSnapshot, VehicleId, VehicleState};
-use city3d_sensors::{Camera, Lens, Mount, MountPoint, View};
+use super::{PictureRequest, PictureSlot, UiAction, UiState, ViewModel, commands, plans, status, theme};
+use city3d_geometry::{LengthScale, trig};
+use city3d_protocol::snapshot::{FrameSnapshot, Status, VehicleId, VehicleState};
+use city3d_sensors::{Camera, Lens, Mount, MountPoint, PictureKind, View};
 use egui::emath::GuiRounding as _;
 use egui::{Align, Align2, Color32, ComboBox, FontId, Layout, Rangef, RichText, Sense, Ui, Vec2};
 use egui_plot::{AxisHints, GridMark, Line, Plot, PlotPoints};
@@ -90,9 +90,33 @@ pub struct Preview {
     pub vehicle: VehicleId,
     /// Camera of the picture.
     pub eye: PreviewCamera,
+    /// What the pixels of the picture show.
+    pub kind: PictureKind,
 }
 
+/// Kinds of pictures and their names in the list.
+const KINDS: [(PictureKind, &str); 4] = [
+    (PictureKind::Rgb, "colour"),
+    (PictureKind::Depth, "depth"),
+    (PictureKind::Semantic, "semantic classes"),
+    (PictureKind::Instance, "instances"),
+];
+
 impl Preview {
+    /// A panel with the usual camera, in colour.
+    pub fn new(vehicle: VehicleId) -> Self {
+        Self { vehicle, eye: PreviewCamera::default(), kind: PictureKind::Rgb }
+    }
+
+    /// Camera and kind in the list.
+    fn label(&self, cameras: &[ScenarioCamera]) -> String {
+        let eye = self.eye.label(cameras);
+        match KINDS.iter().find(|(kind, _)| *kind == self.kind) {
+            Some((kind, name)) if *kind != PictureKind::Rgb => format!("{eye}, {name}"),
+            _ => eye,
+        }
+    }
+
     /// The view of its camera, with the lens of `city3d frames` or of the camera sensor.
     pub fn view(&self, seen: &FrameSnapshot, cameras: &[ScenarioCamera], extent: [u32; 2]) -> Option<View> {
         let lens = self.eye.own(cameras).map_or_else(Lens::default, |own| own.lens);
@@ -127,46 +151,25 @@ impl PreviewLayout {
     }
 }
 
-/// Width of the strip while no preview is open, points.
-pub const STRIP: f32 = 24.0;
-
-/// A strip in place of the previews; a click opens that of the selected vehicle, else of the first.
-pub fn strip(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>) {
-    let rect = ui.available_rect_before_wrap();
-    let response = ui.allocate_rect(rect, Sense::click());
-    response.widget_info(|| egui::WidgetInfo::labeled(egui::Role::Button, true, "Previews"));
-    let visuals = ui.style().interact(&response);
-    if response.hovered() {
-        ui.painter().rect_filled(rect, 0.0, visuals.bg_fill);
-    }
-    let text = "Previews: what a vehicle's camera sees (P)".to_owned();
-    let galley = ui.painter().layout_no_wrap(text, FontId::proportional(13.0), visuals.text_color());
-    // The text runs from the top down.
-    let corner = rect.center_top() + Vec2::new(galley.size().y / 2.0, 10.0);
-    let text = egui::epaint::TextShape::new(corner, galley, visuals.text_color());
-    ui.painter().add(text.with_angle(std::f32::consts::FRAC_PI_2));
+/// Opens the preview of the selected vehicle, else of the first.
+pub fn open_first(state: &mut UiState, shown: &ViewModel<'_>) {
     let first = shown.run_state.now.vehicles.first().map(|vehicle| vehicle.id);
-    let tip = "Camera, pedals and plots of the selected vehicle (P)";
-    if response.on_hover_text(tip).clicked()
-        && let Some(vehicle) = state.selection.vehicle.or(first)
-    {
+    if let Some(vehicle) = state.selection.vehicle.or(first) {
         state.selection.vehicle = Some(vehicle);
         state.toggle_preview(vehicle);
     }
 }
 
-/// Shows all panels that are open.
+/// Shows all previews that are open.
 pub fn show_all(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>, actions: &mut Vec<UiAction>) {
-    ui.horizontal(|ui| {
-        ui.heading("Previews");
-        let selected = state.selection.vehicle.filter(|id| !state.previews.iter().any(|p| p.vehicle == *id));
-        let add = ui.add_enabled(selected.is_some(), egui::Button::new("+ Open"));
-        let add = add.on_hover_text("Camera, pedals and plots of the selected vehicle (P)");
-        let add = add.on_disabled_hover_text("Select a vehicle first: click it in the city or in the table");
-        if let (true, Some(vehicle)) = (add.clicked(), selected) {
-            state.toggle_preview(vehicle);
-        }
-    });
+    let selected = state.selection.vehicle.filter(|id| !state.previews.iter().any(|p| p.vehicle == *id));
+    let add = ui.add_enabled(selected.is_some(), egui::Button::new("+ Selected vehicle"));
+    let add = add.on_hover_text(commands::PREVIEW.tip("Camera, pedals and plots of the selected vehicle"));
+    let add =
+        add.on_disabled_hover_text("Select another vehicle first: click it in the city or in the table");
+    if let (true, Some(vehicle)) = (add.clicked(), selected) {
+        state.toggle_preview(vehicle);
+    }
     let layout =
         PreviewLayout::of(state.previews.len(), ui.available_size(), !shown.control_zones.is_empty());
     egui::ScrollArea::vertical().auto_shrink(false).show(ui, |ui| {
@@ -194,7 +197,7 @@ fn show(
         return ui
             .horizontal(|ui| {
                 ui.label(format!("Vehicle {} is no longer in the city.", preview.vehicle));
-                !ui.small_button("Close").clicked()
+                !ui.small_button("Close preview").clicked()
             })
             .inner;
     };
@@ -203,7 +206,8 @@ fn show(
         let [r, g, b] = info.appearance.colour;
         super::vehicles::chip(ui, Color32::from_rgb(r, g, b), info.is_physical());
         ui.label(RichText::new(format!("{} {}", vehicle.id, info.name)).strong());
-        let text = RichText::new(vehicle.status.label()).color(status::colour(vehicle.status));
+        let colour = theme::on_panel(ui.ctx(), vehicle.status);
+        let text = RichText::new(status::label(vehicle.status)).color(colour);
         ui.label(text).on_hover_ui(|ui| _ = ui.label(status::reason(vehicle, info, shown.map)));
         ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
             is_kept = !ui.small_button("x").on_hover_text("Close this preview").clicked();
@@ -213,7 +217,7 @@ fn show(
     ui.horizontal_wrapped(|ui| {
         let cameras = shown.cameras_of(preview.vehicle);
         ComboBox::from_id_salt("eye")
-            .selected_text(preview.eye.label(cameras))
+            .selected_text(preview.label(cameras))
             .width(90.0)
             .show_ui(ui, |ui| {
                 for (eye, label) in PreviewCamera::ALL {
@@ -227,19 +231,23 @@ fn show(
                     ui.selectable_value(&mut preview.eye, own, own.label(cameras))
                         .on_hover_text("A camera that the scenario gives this vehicle");
                 }
+                ui.separator();
+                for (kind, name) in KINDS {
+                    ui.selectable_value(&mut preview.kind, kind, name);
+                }
             })
             .response
-            .on_hover_text("Where the picture is taken from");
+            .on_hover_text("Where the picture is taken from, and what it shows");
         if shown.replay.is_none() {
             drive_button(ui, (preview.vehicle, shown), state, actions);
         }
-        speed(ui, vehicle);
+        speed(ui, vehicle, (state.preferences.units, shown.scale()));
     });
     pedals(ui, vehicle, shown.has_control_data);
     if let Some((words, tip)) = plans::words(shown, preview.vehicle) {
         ui.add(egui::Label::new(RichText::new(words).small()).truncate()).on_hover_text(tip);
     }
-    plots(ui, shown, vehicle, layout);
+    plots(ui, (shown, state.preferences.units), vehicle, layout);
     is_kept
 }
 
@@ -250,11 +258,15 @@ fn drive_button(
     actions: &mut Vec<UiAction>,
 ) {
     if state.driven() == Some(vehicle) {
-        if ui.button("Give back").on_hover_text("Back to its algorithm (Enter)").clicked() {
+        if ui.button("Release").on_hover_text(commands::TAKE_CONTROL.tip("Back to its controller")).clicked()
+        {
             actions.push(UiAction::GiveBack);
         }
     } else if shown.may_drive(vehicle)
-        && ui.button("Drive").on_hover_text("Take the wheel with the keyboard (Enter)").clicked()
+        && ui
+            .button("Drive")
+            .on_hover_text(commands::TAKE_CONTROL.tip("Take control of this vehicle"))
+            .clicked()
     {
         actions.push(UiAction::Drive(vehicle));
     }
@@ -273,7 +285,7 @@ fn picture(ui: &mut Ui, (preview, aspect): (&Preview, f32), shown: &ViewModel<'_
     let slot = PictureSlot::Preview(preview.vehicle);
     let extent = super::pixels(size, per_point);
     if let Some(view) = preview.view(shown.interpolated, shown.cameras_of(preview.vehicle), extent) {
-        state.pictures.push(PictureRequest { slot, view });
+        state.pictures.push(PictureRequest { slot, view, kind: preview.kind });
     }
     super::paint_picture(ui, rect, shown, slot);
 }
@@ -281,9 +293,9 @@ fn picture(ui: &mut Ui, (preview, aspect): (&Preview, f32), shown: &ViewModel<'_
 /// Width of the widest speed with its gear, points.
 const SPEED_WIDTH: f32 = 100.0;
 
-fn speed(ui: &mut Ui, vehicle: &VehicleState) {
+fn speed(ui: &mut Ui, vehicle: &VehicleState, (units, scale): (SpeedUnit, LengthScale)) {
     let gear = if vehicle.reverse { "  R" } else { "" };
-    let text = format!("{} km/h{gear}", tenths(vehicle.speed_mps * 3.6));
+    let text = format!("{} {}{gear}", units.number(vehicle.speed_mps, scale), units.label());
     let label = egui::Label::new(RichText::new(text).monospace().strong()).extend();
     // Of one width, so that the row never breaks and nothing below moves.
     let size = Vec2::new(SPEED_WIDTH, ui.spacing().interact_size.y);
@@ -358,20 +370,32 @@ fn gauge(ui: &mut Ui, name: &str, number: &str, fill: impl FnOnce(&egui::Painter
     fill(&painter, track);
 }
 
-fn plots(ui: &mut Ui, shown: &ViewModel<'_>, vehicle: &VehicleState, layout: PreviewLayout) {
-    let (history, now_s) = (shown.history, shown.run_state.now.time_s);
+/// Time span of the running plots, simulated seconds.
+pub const KEPT_S: f64 = 30.0;
+
+fn plots(
+    ui: &mut Ui,
+    (shown, units): (&ViewModel<'_>, SpeedUnit),
+    vehicle: &VehicleState,
+    layout: PreviewLayout,
+) {
+    let (history, now_s, scale) = (shown.history, shown.run_state.now.time_s, shown.scale());
     // The last point is the present value: samples are some ticks apart.
-    let series = |of: fn(&HistorySample) -> f64, now: f64| -> Vec<[f64; 2]> {
-        let samples = history.of(vehicle.id).filter(|sample| sample.time_s < now_s);
-        samples.map(|sample| [sample.time_s - now_s, of(sample)]).chain([[0.0, now]]).collect()
+    let past = history.between(now_s - KEPT_S, now_s);
+    let series = |of: &dyn Fn(&VehicleState) -> f64, now: f64| -> Vec<[f64; 2]> {
+        let earlier = past.iter().filter(|state| state.time_s() < now_s);
+        let samples = earlier.filter_map(|state| Some((state.time_s(), state.vehicle(vehicle.id)?)));
+        samples.map(|(time_s, state)| [time_s - now_s, of(&state)]).chain([[0.0, now]]).collect()
     };
     let height = if layout.is_compact { 52.0 } else { 72.0 };
-    let blue = Color32::from_rgb(110, 175, 255);
+    let blue = theme::on_panel(ui.ctx(), Status::Manual);
     let speeds = |ui: &mut Ui| {
-        let speeds = series(|sample| sample.speed_mps * 3.6, vehicle.speed_mps * 3.6);
-        plot(ui, ("Speed, km/h", height), speeds, (0.0, 50.0), blue);
+        let of = |speed_mps: f64| units.of(speed_mps, scale);
+        let speeds = series(&|sample| of(sample.speed_mps), of(vehicle.speed_mps));
+        let name = format!("Speed, {}", units.label());
+        plot(ui, (name.as_str(), height), speeds, (0.0, of(50.0 / 3.6)), blue);
     };
-    let orange = Color32::from_rgb(235, 160, 80);
+    let orange = theme::on_panel(ui.ctx(), Status::Stopped);
     let errors = |ui: &mut Ui| {
         let is_manual = vehicle.tracked_lateral_error_m().is_none();
         if is_manual || !shown.has_control_data {
@@ -383,7 +407,7 @@ fn plots(ui: &mut Ui, shown: &ViewModel<'_>, vehicle: &VehicleState, layout: Pre
             ui.label(RichText::new("Lateral error, cm: -").small()).on_hover_text(tip);
             return;
         }
-        let errors = series(|sample| sample.lateral_error_m * 100.0, vehicle.lateral_error_m * 100.0);
+        let errors = series(&|sample| sample.lateral_error_m * 100.0, vehicle.lateral_error_m * 100.0);
         plot(ui, ("Lateral error, cm", height), errors, (-10.0, 10.0), orange);
     };
     if layout.is_compact {

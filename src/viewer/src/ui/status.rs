@@ -1,23 +1,19 @@
-//! Colours, signs and explanations of vehicle statuses.
+//! Words, signs and explanations of vehicle statuses.
 
+use super::theme;
 use city3d_geometry::wrap_angle;
 use city3d_protocol::snapshot::{Status, VehicleInfo, VehicleState};
 use city3d_roadmap::CityMap;
 use egui::{Color32, Painter, Pos2, Rect, Shape, Stroke, Vec2, pos2};
 
-/// The colour of a status, readable on a dark ground.
-pub fn colour(status: Status) -> Color32 {
+/// A status in the words of the window.
+pub fn label(status: Status) -> &'static str {
     match status {
-        Status::Waiting => Color32::from_rgb(160, 160, 160),
-        Status::Driving => Color32::from_rgb(120, 200, 120),
-        Status::Yielding => Color32::from_rgb(235, 195, 80),
-        Status::Stopped => Color32::from_rgb(235, 140, 80),
-        Status::Manual => Color32::from_rgb(110, 175, 255),
-        Status::LinkLost => Color32::from_rgb(230, 110, 230),
-        Status::Collided => Color32::from_rgb(255, 85, 85),
-        Status::Finished => Color32::from_rgb(150, 170, 190),
-        Status::Physical => Color32::from_rgb(90, 210, 210),
-        Status::Unseen => Color32::from_rgb(190, 120, 120),
+        Status::Manual => "driven by hand",
+        Status::LinkLost => "no command",
+        Status::Physical => "lab vehicle",
+        Status::Unseen => "not tracked",
+        other => other.label(),
     }
 }
 
@@ -50,9 +46,13 @@ pub fn sign(status: Status) -> Sign {
     }
 }
 
-/// Paints the sign of a status around a point; all signs have about the same area.
+/// Paints the sign of a status around a point of a picture.
 pub fn paint_sign(painter: &Painter, at: Pos2, radius: f32, status: Status) {
-    let colour = colour(status);
+    paint_sign_in(painter, (at, radius), status, theme::on_picture(painter.ctx(), status));
+}
+
+/// Paints the sign of a status in a colour; all signs have about the same area.
+pub fn paint_sign_in(painter: &Painter, (at, radius): (Pos2, f32), status: Status, colour: Color32) {
     let polygon = |points: Vec<Pos2>| Shape::convex_polygon(points, colour, Stroke::NONE);
     let shape = match sign(status) {
         Sign::Disc => Shape::circle_filled(at, radius, colour),
@@ -116,13 +116,15 @@ pub fn reason(vehicle: &VehicleState, info: &VehicleInfo, map: &CityMap) -> &'st
 /// Explanation of a status for tooltips.
 pub fn meaning(status: Status) -> &'static str {
     match status {
-        Status::Waiting => "Set up; waits for its first trajectory",
+        Status::Waiting => "Set up; waits for the start, or for its first trajectory",
         Status::Driving => "Follows its trajectory",
         Status::Yielding => "Gives way at a yield line, or to a vehicle with the right of way",
         Status::Stopped => "Stopped: behind others, at a line, or where a person left it off the lanes",
         Status::Manual => "A person drives",
-        Status::LinkLost => "No trajectory for longer than the link timeout: it brakes to a stop on its path",
-        Status::Collided => "Has hit something; it brakes and stays. A person who takes it over can drive on",
+        Status::LinkLost => "No command for longer than the link timeout: it brakes to a stop on its path",
+        Status::Collided => {
+            "Has hit something and stays. Take control (Enter; R reverses) to drive it off, or reset the run (Ctrl+R)"
+        }
         Status::Finished => "At the end of its route",
         Status::Physical => "A vehicle of the laboratory, drawn as it is measured",
         Status::Unseen => "A vehicle of the laboratory that is not measured: it is drawn where it was last",
@@ -134,10 +136,10 @@ mod tests {
     use super::*;
 
     #[test]
-    fn statuses_are_told_apart_by_colour_and_words() {
-        let colours: std::collections::HashSet<_> = Status::ALL.map(colour).into();
+    fn statuses_are_told_apart_by_words() {
+        let labels: std::collections::HashSet<_> = Status::ALL.map(label).into();
         let meanings: std::collections::HashSet<_> = Status::ALL.map(meaning).into();
-        assert_eq!((colours.len(), meanings.len()), (Status::ALL.len(), Status::ALL.len()));
+        assert_eq!((labels.len(), meanings.len()), (Status::ALL.len(), Status::ALL.len()));
     }
 
     #[test]

@@ -3,7 +3,7 @@
 
 use super::control_zones::zone_colour;
 use super::live_traffic::{DIAGRAM_S, LanePlace, LiveTraffic};
-use super::{UiState, ViewModel, plans};
+use super::{UiState, ViewModel, plans, theme};
 use city3d_control::Route;
 use city3d_protocol::snapshot::VehicleId;
 use city3d_roadmap::{LaneId, ZoneKind};
@@ -16,28 +16,19 @@ use std::collections::{BTreeMap, VecDeque};
 const BEHIND_M: f64 = 90.0;
 const AHEAD_M: f64 = 60.0;
 
-/// The window over the city. It shows the measures in full-scale units, as all numbers of the window are.
-pub(super) fn window(ui: &Ui, state: &mut UiState, shown: &ViewModel<'_>) {
-    let mut is_open = state.open.traffic;
-    let room = ui.ctx().content_rect().shrink2(egui::vec2(12.0, 48.0));
-    let place = ui.ctx().content_rect().center_top() + egui::vec2(0.0, 70.0);
-    let sheet = egui::Window::new("Traffic").pivot(egui::Align2::CENTER_TOP).default_pos(place);
-    let queue_height = if shown.control_zones.is_empty() { 0.0 } else { 80.0 };
-    let size = egui::vec2(480.0, 470.0 + queue_height).min(room.size());
-    let sheet = sheet.open(&mut is_open).default_size(size).resizable(true).constrain_to(room);
-    sheet.show(ui.ctx(), |ui| {
-        let traffic = shown.traffic;
-        flow(ui, traffic);
+/// Shows the measures, in full-scale units as all lengths of the window are.
+pub(super) fn show(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>) {
+    egui::ScrollArea::both().auto_shrink(false).show(ui, |ui| {
+        flow(ui, shown.traffic);
         ui.separator();
         if !shown.control_zones.is_empty() {
             plans::queue(ui, shown);
             ui.separator();
         }
-        safety_and_energy(ui, traffic);
+        safety_and_energy(ui, shown.traffic);
         ui.separator();
         diagram(ui, state, shown);
     });
-    state.open.traffic = is_open;
 }
 
 /// One row of the table of flows.
@@ -71,7 +62,7 @@ fn flow(ui: &mut Ui, traffic: &LiveTraffic) {
         totals: measures.zone_totals(&zone.name).unwrap_or_default(),
         queue: &zone_traffic.queue,
     });
-    Grid::new("flow").striped(true).spacing([14.0, 3.0]).show(ui, |ui| {
+    Grid::new("flow").striped(true).spacing([8.0, 3.0]).show(ui, |ui| {
         for (title, tip) in COLUMNS {
             ui.label(RichText::new(title).small().strong()).on_hover_text(tip);
         }
@@ -81,7 +72,9 @@ fn flow(ui: &mut Ui, traffic: &LiveTraffic) {
             let seconds = |value: Option<f64>| value.map_or_else(|| "-".to_owned(), |s| format!("{s:.1}"));
             let flow = totals.throughput_per_h.map_or_else(|| "-".to_owned(), |flow| format!("{flow:.0}"));
             let name = RichText::new(row.name);
-            ui.label(row.colour.map_or(name.clone(), |colour| name.color(colour)));
+            let on_ground = |colour| theme::on_ground(ui.ctx(), colour);
+            let name = row.colour.map_or(name.clone(), |colour| name.color(on_ground(colour)));
+            ui.label(name);
             for cell in [
                 row.inside.to_string(),
                 row.passed,
@@ -103,11 +96,11 @@ const COLUMNS: [(&str, &str); 8] = [
     ("", ""),
     ("Inside", "Vehicles on their way"),
     ("Passed", "Vehicles that have arrived, or left the control zone behind its last conflict"),
-    ("Flow /h", "Exits after the first one over the time since it, vehicles an hour"),
-    ("Delay s", "Mean time lost against driving alone, with the time held outside"),
-    ("Most s", "Largest delay"),
-    ("Stops", "How often vehicles came to stand: below 0.5 m/s"),
-    ("Queue", "Vehicles that stand now (mean over time, most at a time)"),
+    ("Flow (/h)", "Exits after the first one over the time since it, vehicles an hour"),
+    ("Delay (s)", "Mean time lost against driving alone, with the time held outside"),
+    ("Most (s)", "Largest delay"),
+    ("Stops", "How often vehicles stopped: below 0.5 m/s"),
+    ("Queue", "Vehicles that are stopped now (mean over time, most at a time)"),
 ];
 
 /// Surrogate safety and energy of the whole city.
@@ -137,11 +130,7 @@ fn safety_and_energy(ui: &mut Ui, traffic: &LiveTraffic) {
             "From the exit of one vehicle out of a conflict zone to the entry of the next from the other side; negative \
              where both were inside",
         ),
-        (
-            "Hardest braking needed",
-            text(drac, "m/s2"),
-            "Deceleration that avoids a crash with the vehicle ahead",
-        ),
+        ("Braking needed", text(drac, "m/s2"), "Deceleration that avoids a crash with the vehicle ahead"),
         ("Fuel", format!("{:.1} mL", effort.fuel_ml), "Polynomial of Kamal et al., no fuel while braking"),
         (
             "Fuel, cruise term",
@@ -159,7 +148,7 @@ fn safety_and_energy(ui: &mut Ui, traffic: &LiveTraffic) {
             "Time to collision below 3 s + post-encroachment time below 2 s",
         ),
     ];
-    Grid::new("safety and energy").spacing([14.0, 3.0]).show(ui, |ui| {
+    Grid::new("safety and energy").spacing([8.0, 3.0]).show(ui, |ui| {
         for pair in cells.chunks(2) {
             for (name, value, tip) in pair {
                 ui.label(*name).on_hover_text(*tip);
@@ -200,8 +189,10 @@ fn diagram(ui: &mut Ui, state: &UiState, shown: &ViewModel<'_>) {
         ago => format!("{ago:.0}"),
     });
     let value = axis(AxisHints::new_y()).min_thickness(26.0).formatter(|mark, _| format!("{}", mark.value));
+    // The list scrolls, so that its own room has no end.
+    let height = (ui.clip_rect().bottom() - ui.cursor().top()).clamp(160.0, 400.0);
     let plot = Plot::new("time-space")
-        .height(ui.available_height().max(160.0))
+        .height(height)
         .default_x_bounds(-DIAGRAM_S, 0.5)
         .default_y_bounds(-BEHIND_M, AHEAD_M)
         .show_background(false)
@@ -213,6 +204,7 @@ fn diagram(ui: &mut Ui, state: &UiState, shown: &ViewModel<'_>) {
         .show_y(false)
         .custom_x_axes(vec![time])
         .custom_y_axes(vec![value]);
+    let (context, strongest) = (ui.ctx().clone(), ui.visuals().strong_text_color());
     plot.show(ui, |plot| {
         for crossing in &route.crossings {
             let [from, to] = [crossing.from_s, crossing.to_s].map(|s| (s - station.front_s) * factor);
@@ -230,7 +222,10 @@ fn diagram(ui: &mut Ui, state: &UiState, shown: &ViewModel<'_>) {
         }
         plot.vline(VLine::new("now", 0.0).color(Color32::from_gray(110)).width(1.0));
         for (id, places) in shown.traffic.places() {
-            let (colour, width) = stroke(shown, id, id == selected);
+            let (colour, width) = match id == selected {
+                true => (strongest, 2.5),
+                false => (theme::on_ground(&context, body_colour(shown, id)), 1.4),
+            };
             for points in pieces(places, &starts, (station.front_s, factor, now_s)) {
                 plot.line(Line::new(id.to_string(), PlotPoints::from(points)).color(colour).width(width));
             }
@@ -238,15 +233,12 @@ fn diagram(ui: &mut Ui, state: &UiState, shown: &ViewModel<'_>) {
     });
 }
 
-fn stroke(shown: &ViewModel<'_>, id: VehicleId, is_selected: bool) -> (Color32, f32) {
-    if is_selected {
-        return (Color32::WHITE, 2.5);
-    }
+/// The colour of a body, lifted so that dark bodies show on a dark ground.
+fn body_colour(shown: &ViewModel<'_>, id: VehicleId) -> Color32 {
     let colour = shown.run_state.now.info(id).map(|info| info.appearance.colour);
     let [r, g, b] = colour.unwrap_or([140, 150, 160]);
-    // Dark bodies would not show on the dark ground.
     let lift = |channel: u8| 90 + (u16::from(channel) * 165 / 255) as u8;
-    (Color32::from_rgb(lift(r), lift(g), lift(b)), 1.4)
+    Color32::from_rgb(lift(r), lift(g), lift(b))
 }
 
 /// Start of each lane of a route, for the visit nearest to a position.

@@ -1,6 +1,8 @@
 //! The table of all vehicles.
 
-use super::{DriverNames, Selection, UiState, ViewModel, status};
+use super::vehicle_menu::{MenuSubject, VehicleMenu};
+use super::{DriverNames, Selection, SpeedUnit, UiState, ViewModel, status, theme};
+use city3d_geometry::LengthScale;
 use city3d_protocol::snapshot::{FrameSnapshot, Status, VehicleId};
 use city3d_roadmap::CityMap;
 use city3d_session::RunPhase;
@@ -27,19 +29,19 @@ pub enum SortKey {
     X,
     /// North of the city's middle, city metres.
     Y,
-    /// Along the heading, km/h.
+    /// Along the heading.
     Speed,
 }
 
 impl SortKey {
     const COLUMNS: [(Self, &'static str, &'static str); 7] = [
-        (Self::Id, "ID", "Number and colour; a round mark is a physical vehicle"),
+        (Self::Id, "ID", "Number and colour; a round mark is a lab vehicle"),
         (Self::Name, "Name", "Its name in the scenario"),
         (Self::Driver, "Driver", "The algorithm that drives it, or a person"),
         (Self::Status, "Status", "What it is doing; hover over a row for the meaning"),
-        (Self::X, "x m", "Metres to the east of the city's middle"),
-        (Self::Y, "y m", "Metres to the north of the city's middle"),
-        (Self::Speed, "km/h", "Speed along its heading"),
+        (Self::X, "x (m)", "Metres to the east of the city's middle"),
+        (Self::Y, "y (m)", "Metres to the north of the city's middle"),
+        (Self::Speed, "Speed", "Speed along its heading"),
     ];
 }
 
@@ -96,7 +98,7 @@ struct VehicleRow<'a> {
     status: Status,
     x_m: f64,
     y_m: f64,
-    speed_kmh: f64,
+    speed_mps: f64,
 }
 
 impl VehicleRow<'_> {
@@ -105,17 +107,17 @@ impl VehicleRow<'_> {
             SortKey::Id => Ordering::Equal,
             SortKey::Name => self.name.cmp(other.name),
             SortKey::Driver => self.driver.cmp(other.driver),
-            SortKey::Status => self.status.label().cmp(other.status.label()),
+            SortKey::Status => status::label(self.status).cmp(status::label(other.status)),
             SortKey::X => self.x_m.total_cmp(&other.x_m),
             SortKey::Y => self.y_m.total_cmp(&other.y_m),
-            SortKey::Speed => self.speed_kmh.total_cmp(&other.speed_kmh),
+            SortKey::Speed => self.speed_mps.total_cmp(&other.speed_mps),
         }
         .then(self.id.cmp(&other.id))
     }
 
     fn contains(&self, word: &str) -> bool {
-        let kind = if self.is_physical { "physical" } else { "virtual" };
-        let texts = [self.name, self.driver, self.status.label(), kind];
+        let kind = if self.is_physical { "lab vehicle" } else { "virtual" };
+        let texts = [self.name, self.driver, status::label(self.status), kind];
         texts.iter().any(|text| text.to_lowercase().contains(word)) || self.id.to_string() == word
     }
 }
@@ -147,7 +149,7 @@ fn rows<'a>(
             status: vehicle.status,
             x_m: vehicle.position.x,
             y_m: vehicle.position.y,
-            speed_kmh: vehicle.speed_mps * 3.6,
+            speed_mps: vehicle.speed_mps,
         }
     };
     let mut rows: Vec<VehicleRow<'a>> = snapshot.iter().map(row).collect();
@@ -160,8 +162,10 @@ fn rows<'a>(
 }
 
 const ROW_HEIGHT: f32 = 20.0;
+/// Room for the number of rows, points.
+const COUNT_WIDTH: f32 = 66.0;
 /// Column widths of usual texts, points.
-const WIDTHS: [f32; 7] = [40.0, 50.0, 54.0, 52.0, 47.0, 47.0, 40.0];
+const WIDTHS: [f32; 7] = [40.0, 50.0, 54.0, 78.0, 47.0, 47.0, 44.0];
 /// Weights by which columns share the remaining width.
 const SHARES: [f32; 7] = [0.0, 3.0, 2.0, 1.0, 1.0, 1.0, 1.0];
 
@@ -202,31 +206,29 @@ pub fn show(ui: &mut Ui, shown: &ViewModel<'_>, state: &mut UiState) {
     let (table, selection) = (&mut state.table, &mut state.selection);
     let moves = shown.run_state.phase == RunPhase::Running;
     let map = shown.map;
-    // The filter below may change in this frame: its count is filled in afterwards.
-    let count_place = ui
-        .horizontal(|ui| {
-            ui.heading("Vehicles");
-            let size = egui::vec2(ui.available_width(), ui.spacing().interact_size.y);
-            ui.allocate_exact_size(size, Sense::hover()).0
-        })
-        .inner;
     // Laid out from the right, so that the row does not widen the panel.
     let line = egui::vec2(ui.available_width(), ui.spacing().interact_size.y);
-    ui.allocate_ui_with_layout(line, Layout::right_to_left(Align::Center), |ui| {
-        let clear = ui.add_enabled(!table.filter.is_empty(), egui::Button::new("x"));
-        if clear.on_hover_text("Show all").clicked() {
-            table.filter.clear();
-        }
-        let field = egui::TextEdit::singleline(&mut table.filter)
-            .hint_text("Filter by name, status, driver or ID")
-            .desired_width(ui.available_width());
-        ui.add(field);
-    });
+    // The filter may change in this frame: its count is filled in afterwards.
+    let count_place = ui
+        .allocate_ui_with_layout(line, Layout::right_to_left(Align::Center), |ui| {
+            let clear = ui.add_enabled(!table.filter.is_empty(), egui::Button::new("x"));
+            if clear.on_hover_text("Show all").clicked() {
+                table.filter.clear();
+            }
+            let size = egui::vec2(COUNT_WIDTH, ui.spacing().interact_size.y);
+            let (place, _) = ui.allocate_exact_size(size, Sense::hover());
+            let field = egui::TextEdit::singleline(&mut table.filter)
+                .hint_text("Filter by name, status, driver or ID")
+                .desired_width(ui.available_width());
+            ui.add(field);
+            place
+        })
+        .inner;
     let mut listed = rows(snapshot, drivers, table);
     let all = snapshot.vehicles.len();
     let count = if listed.len() == all { all.to_string() } else { format!("{} of {all}", listed.len()) };
     // A child of its own, which moves nothing here.
-    let line = egui::UiBuilder::new().max_rect(count_place).layout(Layout::left_to_right(Align::Center));
+    let line = egui::UiBuilder::new().max_rect(count_place).layout(Layout::right_to_left(Align::Center));
     ui.new_child(line).label(RichText::new(count).weak());
     if moves {
         let by = (table.key, table.descending);
@@ -242,16 +244,23 @@ pub fn show(ui: &mut Ui, shown: &ViewModel<'_>, state: &mut UiState) {
         ui.label(RichText::new(text).weak());
         return;
     }
-    grid(ui, &listed, (snapshot, map), table, selection);
+    let units = (state.preferences.units, shown.scale());
+    let asked = grid(ui, &listed, (snapshot, map, units), table, selection);
+    if let Some(id) = asked {
+        state.menu = Some(VehicleMenu::of(MenuSubject::Vehicle(id)));
+    }
 }
 
+/// Shows the rows; returns the vehicle whose menu is asked for.
 fn grid(
     ui: &mut Ui,
     shown: &[VehicleRow<'_>],
-    (snapshot, map): (&FrameSnapshot, &CityMap),
+    (snapshot, map, units): (&FrameSnapshot, &CityMap, (SpeedUnit, LengthScale)),
     table: &mut TableState,
     selection: &mut Selection,
-) {
+) -> Option<VehicleId> {
+    by_keys(ui, shown, table, selection);
+    let mut asked = None;
     // A click on a text of a row means the row.
     ui.style_mut().interaction.selectable_labels = false;
     let spacing = ui.spacing().item_spacing.x;
@@ -262,7 +271,8 @@ fn grid(
     let share = ((width - needed) / shares).max(0.0);
     let mut builder = TableBuilder::new(ui)
         .striped(true)
-        .sense(Sense::click())
+        // All rows are one stop of the Tab key.
+        .sense(Sense::CLICK)
         .auto_shrink(false)
         .cell_layout(Layout::left_to_right(Align::Center));
     for &k in &columns {
@@ -277,6 +287,7 @@ fn grid(
         .header(ROW_HEIGHT, |mut header| {
             for &k in &columns {
                 let (key, title, tip) = SortKey::COLUMNS[k];
+                let title = if key == SortKey::Speed { units.0.label() } else { title };
                 header.col(|ui| heading(ui, table, key, (title, tip)));
             }
         })
@@ -284,7 +295,7 @@ fn grid(
             body.rows(ROW_HEIGHT, shown.len(), |mut line| {
                 let row = &shown[line.index()];
                 line.set_selected(Some(row.id) == selection.vehicle);
-                columns.iter().for_each(|&k| cell(&mut line, row, SortKey::COLUMNS[k].0));
+                columns.iter().for_each(|&k| cell(&mut line, (row, units), SortKey::COLUMNS[k].0));
                 let response = line.response();
                 if response.clicked() {
                     selection.vehicle = Some(row.id);
@@ -292,14 +303,40 @@ fn grid(
                 if response.double_clicked() {
                     selection.follow = Some(row.id);
                 }
+                if response.secondary_clicked() {
+                    asked = Some(row.id);
+                }
                 response.on_hover_ui(|ui| {
                     let found = snapshot.vehicle(row.id).zip(snapshot.info(row.id));
                     let why = found.map(|(vehicle, info)| status::reason(vehicle, info, map));
-                    ui.label(format!("{} {}, driver {}", row.id, row.name, row.driver));
-                    ui.label(format!("{}: {}", row.status.label(), why.unwrap_or_default()));
+                    ui.label(format!("{} {}, driver: {}", row.id, row.name, driver_words(row.driver)));
+                    ui.label(format!("{}: {}", status::label(row.status), why.unwrap_or_default()));
                 });
             });
         });
+    asked
+}
+
+/// The rows as one stop of the Tab key: Up and Down move the selection.
+fn by_keys(ui: &Ui, shown: &[VehicleRow<'_>], table: &mut TableState, selection: &mut Selection) {
+    let rect = ui.available_rect_before_wrap();
+    let response = ui.interact(rect, ui.scope_id().with("rows"), Sense::FOCUSABLE);
+    response.widget_info(|| egui::WidgetInfo::labeled(egui::Role::ListBox, true, "Vehicles of the table"));
+    if !response.has_focus() {
+        return;
+    }
+    let filter = egui::EventFilter { vertical_arrows: true, ..egui::EventFilter::default() };
+    ui.memory_mut(|memory| memory.set_focus_lock_filter(response.id, filter));
+    let pressed = |key| ui.input_mut(|input| input.count_and_consume_key(egui::Modifiers::NONE, key));
+    let (ups, downs) = (pressed(egui::Key::ArrowUp), pressed(egui::Key::ArrowDown));
+    if ups + downs > 0 && !shown.is_empty() {
+        let place = shown.iter().position(|row| Some(row.id) == selection.vehicle);
+        let place = place.map_or(0, |place| (place + downs).saturating_sub(ups).min(shown.len() - 1));
+        selection.vehicle = Some(shown[place].id);
+        table.reveal = true;
+    }
+    let stroke = ui.visuals().selection.stroke;
+    ui.painter().rect_stroke(rect, 2.0, stroke, egui::StrokeKind::Inside);
 }
 
 /// Size of the mark beside the title of the column that sorts the rows, points.
@@ -337,7 +374,11 @@ fn heading(ui: &mut Ui, table: &mut TableState, key: SortKey, (title, tip): (&st
     }
 }
 
-fn cell(line: &mut egui_extras::TableRow<'_, '_>, row: &VehicleRow<'_>, key: SortKey) {
+fn cell(
+    line: &mut egui_extras::TableRow<'_, '_>,
+    (row, (units, scale)): (&VehicleRow<'_>, (SpeedUnit, LengthScale)),
+    key: SortKey,
+) {
     line.col(|ui| match key {
         SortKey::Id => {
             chip(ui, row.colour, row.is_physical);
@@ -346,16 +387,34 @@ fn cell(line: &mut egui_extras::TableRow<'_, '_>, row: &VehicleRow<'_>, key: Sor
         SortKey::Name => _ = ui.label(row.name),
         SortKey::Driver => _ = ui.label(row.driver),
         SortKey::Status => {
-            ui.label(RichText::new(row.status.label()).color(status::colour(row.status)));
+            let colour = theme::on_panel(ui.ctx(), row.status);
+            ui.label(RichText::new(in_table(row.status)).color(colour));
         }
-        SortKey::X => number(ui, row.x_m),
-        SortKey::Y => number(ui, row.y_m),
-        SortKey::Speed => number(ui, row.speed_kmh),
+        SortKey::X => number(ui, tenths(row.x_m)),
+        SortKey::Y => number(ui, tenths(row.y_m)),
+        SortKey::Speed => number(ui, units.number(row.speed_mps, scale)),
     });
 }
 
-fn number(ui: &mut Ui, value: f64) {
-    ui.with_layout(Layout::right_to_left(Align::Center), |ui| ui.monospace(tenths(value)));
+fn number(ui: &mut Ui, text: String) {
+    ui.with_layout(Layout::right_to_left(Align::Center), |ui| ui.monospace(text));
+}
+
+/// A status in the narrow column: the whole words stand in the tip.
+fn in_table(status: Status) -> &'static str {
+    if status == Status::Manual { "by hand" } else { status::label(status) }
+}
+
+/// A control algorithm in words.
+fn driver_words(name: &str) -> String {
+    match name {
+        "idm" => "IDM (car following)".to_owned(),
+        "cacc" => "CACC (cooperative adaptive cruise control)".to_owned(),
+        "ploeg" => "CACC by Ploeg (platoon)".to_owned(),
+        "cruise" => "cruise (constant speed)".to_owned(),
+        "human" => "a person".to_owned(),
+        other => other.to_owned(),
+    }
 }
 
 /// Formats with one decimal, without a negative zero: all panels show a number alike.
@@ -376,7 +435,7 @@ pub fn chip(ui: &mut Ui, colour: Color32, is_physical: bool) {
 mod tests {
     use super::*;
 
-    fn row(id: u32, speed_kmh: f64) -> VehicleRow<'static> {
+    fn row(id: u32, speed_mps: f64) -> VehicleRow<'static> {
         let (id, colour, status) = (VehicleId(id), Color32::RED, Status::Driving);
         VehicleRow {
             id,
@@ -387,7 +446,7 @@ mod tests {
             status,
             x_m: 0.0,
             y_m: 0.0,
-            speed_kmh,
+            speed_mps,
         }
     }
 
@@ -416,11 +475,15 @@ mod tests {
             (SortKey::Name, "path2_b", false),
             (SortKey::Driver, "recorded", false),
             (SortKey::Status, "collided", false),
-            (SortKey::Status, "link lost", false),
+            (SortKey::Status, "no command", false),
+            (SortKey::Status, "not tracked", false),
+            (SortKey::Status, "lab vehicle", false),
+            (SortKey::Status, "by hand", false),
             (SortKey::Status, "yielding", false),
             (SortKey::X, "-165.3", true),
             (SortKey::Y, "-165.3", true),
             (SortKey::Speed, "100.0", true),
+            (SortKey::Speed, "0.400", true),
         ];
         let context = egui::Context::default();
         let mut checked = 0;
@@ -440,9 +503,9 @@ mod tests {
 
     #[test]
     fn a_narrow_table_drops_what_matters_least() {
-        assert_eq!(columns(390.0, 8.0), [0, 1, 2, 3, 4, 5, 6]);
-        assert_eq!(columns(330.0, 8.0), [0, 1, 3, 4, 5, 6]);
-        assert_eq!(columns(290.0, 8.0), KEPT);
+        assert_eq!(columns(418.0, 8.0), [0, 1, 2, 3, 4, 5, 6]);
+        assert_eq!(columns(356.0, 8.0), [0, 1, 3, 4, 5, 6]);
+        assert_eq!(columns(298.0, 8.0), KEPT);
         assert_eq!(columns(160.0, 8.0), [0, 3, 6]);
     }
 }

@@ -2,8 +2,12 @@
 
 #![allow(clippy::disallowed_methods, reason = "cameras draw; no state of a run depends on them")]
 
+mod bookmark;
+mod first_view;
 #[cfg(test)]
 mod tests;
+
+pub use bookmark::{Bookmark, Bookmarks};
 
 use super::gaze::Gaze;
 use super::occlusion;
@@ -58,6 +62,8 @@ pub struct Viewpoint {
     pub rear: bool,
     /// Ground rectangle that the view fits, until the user moves the camera.
     whole: Option<[DVec2; 2]>,
+    /// What the first picture shows has not been chosen.
+    is_new: bool,
     /// Whether the best direction has been chosen.
     is_turned: bool,
     target: DVec3,
@@ -123,6 +129,7 @@ impl Viewpoint {
             follow: None,
             rear: false,
             whole: low.is_finite().then(|| [low.truncate() - AROUND_M, high.truncate() + AROUND_M]),
+            is_new: true,
             is_turned: false,
             target,
             distance_m,

@@ -2,16 +2,18 @@
 
 use super::display_loss::{catch_display_loss, guard_session};
 use super::gamepads::Gamepads;
-use super::loading::{LoadJob, LoadRequest};
+use super::loading::{LoadJob, LoadRequest, Opened, ShownCity};
 use super::painter::{PaintTarget, WindowPainter};
 use super::recording::{RecordedRun, RecordingOptions};
 use super::settings::{load_profiles, save_profiles};
 use super::surface::WindowSurface;
+use super::video::WindowVideos;
 use super::viewer::{ViewerState, WindowRequest};
 use super::{ViewSettings, WindowError, WindowOptions, WindowSubject};
 use crate::cockpit::Devices;
-use crate::ui::CityKind;
-use city3d_render::{Context, write_png};
+use crate::ui::runs::Problem;
+use crate::ui::{CityKind, Look};
+use city3d_render::{Context, Image, write_png};
 use city3d_session::Order;
 use std::mem::ManuallyDrop;
 use std::sync::Arc;
@@ -107,6 +109,7 @@ struct OpenWindow {
     title: String,
     /// The next frame is saved as a screenshot.
     wants_shot: bool,
+    videos: WindowVideos,
     /// When the next frame is due, if one is.
     due: Option<Instant>,
     drawn: Instant,
@@ -218,6 +221,9 @@ impl OpenWindow {
         let recording = RecordingOptions { logs: subject.logs(), on_update: Arc::clone(&on_update) };
         let mut viewer = subject.viewer(options, &context, &settings, recording)?;
         super::picture::arrange(&mut viewer, options)?;
+        if matches!(subject, WindowSubject::Scenario(scenario) if scenario.has_start_page) {
+            viewer.state.runs.start_page.open();
+        }
         if !options.is_fresh {
             viewer.state.devices = Devices::new(load_profiles());
         }
@@ -253,6 +259,7 @@ impl OpenWindow {
             is_hidden: false,
             title: String::new(),
             wants_shot: false,
+            videos: WindowVideos::default(),
             due: Some(Instant::now()),
             drawn: Instant::now(),
             interval_s: 0.0,
@@ -295,6 +302,7 @@ impl OpenWindow {
         self.measure();
         self.hear_gamepads();
         self.take_loaded();
+        self.tell_of_videos();
         let textures = self.painter.textures();
         let input = self.input.take_egui_input(&self.window);
         let (viewer, frames_per_s) = (&mut self.viewer, 1.0 / self.interval_s.max(1e-3));
@@ -311,7 +319,7 @@ impl OpenWindow {
             self.window.set_title(&title);
             self.title = title;
         }
-        self.painter.draw(self.viewer.interpolated(), self.viewer.pictures())?;
+        self.painter.draw(self.viewer.interpolated(), self.viewer.pictures(), self.viewer.overlay())?;
         self.present(output);
         let requests = self.viewer.act(actions, self.egui.input(|input| input.time));
         for request in requests {
@@ -325,7 +333,21 @@ impl OpenWindow {
         } else if let Some(delay) = repaint {
             self.schedule_frame(delay);
         }
+        if let Some(delay) = self.videos.next_in() {
+            self.schedule_frame(delay);
+        }
         Ok(true)
+    }
+
+    /// Shows how the recording of a video does, and says what has become of it.
+    fn tell_of_videos(&mut self) {
+        self.viewer.video = self.videos.status();
+        if let Some(said) = self.videos.try_said() {
+            self.say(said);
+        }
+        if self.videos.is_finishing() {
+            self.schedule_frame(RETRY_DELAY);
+        }
     }
 
     fn hear_gamepads(&mut self) {
@@ -358,7 +380,9 @@ impl OpenWindow {
         let extent = self.surface.extent();
         let view_of = |texture: &wgpu::Texture| texture.create_view(&wgpu::TextureViewDescriptor::default());
         let view = view_of(&texture.texture);
-        let memory = std::mem::take(&mut self.wants_shot).then(|| self.painter.memory(extent));
+        let simulated_s = self.viewer.interpolated().time_s;
+        let (is_shot, is_filmed) = (std::mem::take(&mut self.wants_shot), self.videos.wants(simulated_s));
+        let memory = (is_shot || is_filmed).then(|| self.painter.memory(extent));
         let copy = memory.as_ref().map(view_of);
         let screens: Vec<_> = [Some(&view), copy.as_ref()]
             .into_iter()
@@ -368,15 +392,24 @@ impl OpenWindow {
         self.painter.paint(&self.egui, ManuallyDrop::into_inner(output), &screens);
         self.window.pre_present_notify();
         self.painter.context().queue.present(texture);
-        if let Some(memory) = memory {
-            self.keep(&memory);
+        let Some(memory) = memory else { return };
+        let image = self.painter.read(&memory);
+        if let (true, Ok(image)) = (is_filmed, &image) {
+            self.videos.add(image.clone(), simulated_s);
+        }
+        if is_shot {
+            self.keep(image);
         }
     }
 
     fn fulfil(&mut self, request: WindowRequest) {
         match request {
-            WindowRequest::Look | WindowRequest::Scenario(_) => self.load(request),
+            WindowRequest::Look | WindowRequest::Open(_) => self.load(request),
             WindowRequest::Screenshot => self.wants_shot = true,
+            WindowRequest::Video(kind) => {
+                let file = unused(self.viewer.run_state().now.tick, "mp4");
+                self.videos.toggle(kind, &file, self.surface.extent());
+            }
             WindowRequest::KeepDevices if self.remembers => {
                 save_profiles(self.viewer.state.devices.profiles());
             }
@@ -389,14 +422,21 @@ impl OpenWindow {
     fn load(&mut self, request: WindowRequest) {
         if self.loading.is_some() {
             // A queued scenario takes the look of that time.
-            if !matches!((&self.next, &request), (Some(WindowRequest::Scenario(_)), WindowRequest::Look)) {
+            if !matches!((&self.next, &request), (Some(WindowRequest::Open(_)), WindowRequest::Look)) {
                 self.next = Some(request);
             }
             return;
         }
         let look = self.viewer.state.look;
         let request = match request {
-            WindowRequest::Scenario(request) => LoadRequest::Scenario(request, look),
+            WindowRequest::Open(opening) => {
+                let hours = self.painter.look().hours;
+                let shown = ShownCity {
+                    experiment: Arc::clone(self.viewer.experiment()),
+                    look: Look { hours, ..look },
+                };
+                LoadRequest::Open(opening, shown)
+            }
             _ => {
                 self.settings.preset = Some(look.preset);
                 LoadRequest::Look(Arc::clone(self.viewer.experiment()), look)
@@ -412,18 +452,34 @@ impl OpenWindow {
     /// Shows the result of a finished load job.
     fn take_loaded(&mut self) {
         let Some(outcome) = self.loading.as_ref().and_then(LoadJob::try_finish) else { return };
-        (self.loading, self.viewer.loading) = (None, None);
+        self.loading = None;
+        let what = self.viewer.loading.take();
+        let now_s = self.egui.input(|input| input.time);
         let shown = outcome.and_then(|loaded| -> Result<(), WindowError> {
-            if let Some((request, experiment)) = loaded.scenario {
-                self.viewer.enter(request, experiment, self.egui.input(|input| input.time))?;
-                guard_session(self.viewer.stopper());
-                self.viewer.state.look.hours = loaded.look.hours;
+            match loaded.opened {
+                Some(Opened::Scenario(request, experiment, starts)) => {
+                    self.viewer.enter(request, experiment, now_s)?;
+                    guard_session(self.viewer.stopper());
+                    if starts {
+                        self.viewer.send(Order::Start);
+                    }
+                    self.viewer.state.look.hours = loaded.look.hours;
+                }
+                Some(Opened::Log(log, player)) => {
+                    self.viewer.enter_log(&log, *player, now_s);
+                    guard_session(self.viewer.stopper());
+                    self.viewer.state.look.hours = loaded.look.hours;
+                }
+                None => {}
             }
-            self.painter.set_city(loaded.city);
+            if let Some(city) = loaded.city {
+                self.painter.set_city(city, loaded.look);
+            }
             Ok(())
         });
         if let Err(error) = shown {
-            self.say(error.to_string());
+            let title = what.map_or_else(|| "This cannot be loaded".to_owned(), |what| failed_title(&what));
+            self.viewer.state.runs.problem = Some(Problem::of_file(title, error.to_string()));
         }
         if let Some(request) = self.next.take() {
             self.load(request);
@@ -435,10 +491,9 @@ impl OpenWindow {
     }
 
     /// Writes a screenshot into the working folder.
-    fn keep(&mut self, memory: &wgpu::Texture) {
-        let file = unused(self.viewer.run_state().now.tick);
-        let written = self.painter.read(memory);
-        let written = written.and_then(|image| Ok(write_png(&file, &image)?));
+    fn keep(&mut self, image: Result<Image, WindowError>) {
+        let file = unused(self.viewer.run_state().now.tick, "png");
+        let written = image.and_then(|image| Ok(write_png(&file, &image)?));
         let whole = std::path::absolute(&file).unwrap_or(file);
         let said =
             written.map_or_else(|error| error.to_string(), |()| format!("Screenshot: {}", whole.display()));
@@ -448,7 +503,8 @@ impl OpenWindow {
 
     /// Closes what the window shows, without the window: its display is gone, and what would tell it so panics.
     fn abandon(self) -> Result<Vec<RecordedRun>, WindowError> {
-        let Self { window, surface, painter, viewer, egui: _, input, .. } = self;
+        let Self { window, surface, painter, viewer, egui: _, input, videos, .. } = self;
+        drop(videos);
         std::mem::forget((window, surface, painter, input));
         viewer.close()
     }
@@ -462,10 +518,17 @@ impl OpenWindow {
     }
 }
 
-/// An unused file name for a screenshot of a tick.
-fn unused(tick: u64) -> std::path::PathBuf {
-    let first = std::iter::once(format!("city3d-{tick}.png"));
-    let others = (2..).map(|k| format!("city3d-{tick}-{k}.png"));
+/// The title of a failure, from what was said while it was loading.
+fn failed_title(what: &str) -> String {
+    let what = what.trim_end_matches(" ...");
+    let name = what.strip_prefix("Loading ").unwrap_or(what);
+    format!("{name} cannot be opened")
+}
+
+/// An unused name for a file that shows a tick.
+fn unused(tick: u64, extension: &str) -> std::path::PathBuf {
+    let first = std::iter::once(format!("city3d-{tick}.{extension}"));
+    let others = (2..).map(|k| format!("city3d-{tick}-{k}.{extension}"));
     let mut names = first.chain(others).map(std::path::PathBuf::from);
-    names.find(|name| !name.exists()).unwrap_or_else(|| format!("city3d-{tick}.png").into())
+    names.find(|name| !name.exists()).unwrap_or_else(|| format!("city3d-{tick}.{extension}").into())
 }

@@ -1,9 +1,13 @@
-//! Background loading: reads a scenario and builds its renderer on a thread.
+//! Background loading: reads a scenario or a log, and builds the renderer of its city, on a thread.
 
+use super::opening::{OpenTarget, Opening};
 use super::{WindowError, painter};
 use crate::ui::Look;
 use city3d_render::{Context, Renderer};
-use city3d_simulation::scenario::{Experiment, ScenarioRequest};
+use city3d_session::LoadError;
+use city3d_session::playback::Player;
+use city3d_simulation::scenario::{Experiment, ScenarioRequest, is_map, map_alone};
+use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, TryRecvError, sync_channel};
 
@@ -12,8 +16,17 @@ use std::sync::mpsc::{Receiver, TryRecvError, sync_channel};
 pub enum LoadRequest {
     /// The same city in another light or quality.
     Look(Arc<Experiment>, Look),
-    /// Another scenario, at its own time of day.
-    Scenario(ScenarioRequest, Look),
+    /// Another scenario, or a log.
+    Open(Opening, ShownCity),
+}
+
+/// The city that a window shows already.
+#[derive(Clone, Debug)]
+pub struct ShownCity {
+    /// Its experiment.
+    pub experiment: Arc<Experiment>,
+    /// Quality and time of day of its renderer.
+    pub look: Look,
 }
 
 impl LoadRequest {
@@ -21,19 +34,27 @@ impl LoadRequest {
     pub fn label(&self) -> String {
         match self {
             Self::Look(_, look) => format!("Preparing {} ...", look.label()),
-            Self::Scenario(request, _) => format!("Loading {} ...", request.scenario),
+            Self::Open(opening, _) => format!("Loading {} ...", opening.name()),
         }
     }
+}
+
+/// What a load job has opened.
+pub enum Opened {
+    /// A scenario, and whether its run starts at once.
+    Scenario(ScenarioRequest, Arc<Experiment>, bool),
+    /// A log.
+    Log(PathBuf, Box<Player>),
 }
 
 /// The result of a load job.
 pub struct LoadedView {
     /// `None` where the scenario stays the same.
-    pub scenario: Option<(ScenarioRequest, Arc<Experiment>)>,
-    /// Quality and time of day that the renderer was built for.
+    pub opened: Option<Opened>,
+    /// Quality and time of day of the pictures.
     pub look: Look,
-    /// Renderer of the scenario's city in this look.
-    pub city: Renderer,
+    /// Renderer of the city in this look; `None` where the one that is there shows it.
+    pub city: Option<Renderer>,
 }
 
 /// A running load job.
@@ -55,7 +76,7 @@ impl LoadJob {
         let context = context.clone();
         let work = move || {
             // The window may have been closed.
-            if outbox.send(load(request, &context)).is_ok() {
+            if outbox.send(load(request, &context, &on_update)).is_ok() {
                 on_update();
             }
         };
@@ -73,17 +94,51 @@ impl LoadJob {
     }
 }
 
-fn load(request: LoadRequest, context: &Context) -> Result<LoadedView, WindowError> {
-    let (scenario, experiment, look) = match request {
-        LoadRequest::Look(experiment, look) => (None, experiment, look),
-        LoadRequest::Scenario(request, look) => {
-            let experiment = city3d_session::load(&request)?;
-            let look = Look { hours: experiment.time_of_day.hours, ..look };
-            (Some((request, Arc::clone(&experiment))), experiment, look)
+/// Reads a scenario, or a map alone.
+///
+/// # Errors
+/// When it cannot be read, or has problems; each has its place and remedy.
+pub fn read(request: &ScenarioRequest) -> Result<Arc<Experiment>, LoadError> {
+    if is_map(request) { Ok(Arc::new(map_alone(request)?)) } else { city3d_session::load(request) }
+}
+
+fn load(
+    request: LoadRequest,
+    context: &Context,
+    on_update: &Arc<dyn Fn() + Send + Sync>,
+) -> Result<LoadedView, WindowError> {
+    let (opening, shown) = match request {
+        LoadRequest::Look(experiment, look) => {
+            let city = Some(painter::renderer(context, &experiment, look)?);
+            return Ok(LoadedView { opened: None, look, city });
+        }
+        LoadRequest::Open(opening, shown) => (opening, shown),
+    };
+    let (opened, experiment) = match opening.target {
+        OpenTarget::Scenario(request) => {
+            let experiment = read(&request)?;
+            (Opened::Scenario(request, Arc::clone(&experiment), opening.starts), experiment)
+        }
+        OpenTarget::Log(log) => {
+            let on_update = Arc::clone(on_update);
+            let player = Player::open(&log, Box::new(move || on_update()))?;
+            let experiment = Arc::clone(player.experiment());
+            (Opened::Log(log, Box::new(player)), experiment)
         }
     };
-    let city = painter::renderer(context, &experiment, look)?;
-    Ok(LoadedView { scenario, look, city })
+    let hours = opening.hours.unwrap_or(experiment.time_of_day.hours);
+    let look = Look { hours, ..shown.look };
+    let is_shown = look == shown.look && have_same_scene(&experiment, &shown.experiment);
+    let city = if is_shown { None } else { Some(painter::renderer(context, &experiment, look)?) };
+    Ok(LoadedView { opened: Some(opened), look, city })
+}
+
+/// Whether two experiments look alike but for their vehicles: the same map, and no models of the user's.
+fn have_same_scene(a: &Experiment, b: &Experiment) -> bool {
+    let has_models = |experiment: &Experiment| {
+        !experiment.models.vehicles.is_empty() || !experiment.models.files.is_empty()
+    };
+    a.map_bytes == b.map_bytes && a.scale == b.scale && !has_models(a) && !has_models(b)
 }
 
 #[cfg(test)]
@@ -118,15 +173,24 @@ mod tests {
         };
         let look = Look { preset: QualityPreset::Low, hours: 3.0 };
         let args = |name: &str| ScenarioRequest { scenario: name.to_owned(), ..ScenarioRequest::default() };
+        let shown = ShownCity { experiment: read(&args("merge")).unwrap(), look };
+        let open = |name: &str, shown: &ShownCity| {
+            LoadRequest::Open(Opening::scenario(args(name)), ShownCity::clone(shown))
+        };
         let start = Instant::now();
-        let (begun, outcome) = finish(LoadRequest::Scenario(args("straight"), look), &context);
+        let (begun, outcome) = finish(open("straight", &shown), &context);
         let loaded = outcome.map_err(|error| error.to_string()).unwrap();
         assert!(begun * 4 < start.elapsed(), "{begun:?} of {:?}", start.elapsed());
-        let (_, experiment) = loaded.scenario.unwrap();
+        let Some(Opened::Scenario(_, experiment, false)) = loaded.opened else { panic!("a scenario") };
         assert_eq!((experiment.name.as_str(), loaded.look.hours), ("straight", 12.0));
+        assert!(loaded.city.is_some());
+        let shown = ShownCity { experiment: Arc::clone(&experiment), look: loaded.look };
         let (_, outcome) = finish(LoadRequest::Look(experiment, look), &context);
-        assert!(outcome.is_ok_and(|loaded| loaded.scenario.is_none() && loaded.look == look));
-        let (_, outcome) = finish(LoadRequest::Scenario(args("nowhere"), look), &context);
+        assert!(outcome.is_ok_and(|loaded| loaded.opened.is_none() && loaded.look == look));
+        let (_, outcome) = finish(open("nowhere", &shown), &context);
         assert!(outcome.is_err_and(|error| error.to_string().contains("nowhere")));
+        // The same streets in the same light are not built again.
+        let (_, outcome) = finish(open("roundabout", &shown), &context);
+        assert!(outcome.is_ok_and(|loaded| loaded.city.is_none()));
     }
 }

@@ -3,15 +3,19 @@
 mod display_loss;
 mod error;
 mod event_loop;
+mod figures;
 mod frame_times;
 mod gamepads;
 mod loading;
+mod opening;
 mod painter;
 mod picture;
+mod recorded_runs;
 mod recording;
 mod scenario_info;
 mod settings;
 mod surface;
+mod video;
 mod viewer;
 
 pub use error::WindowError;
@@ -20,7 +24,7 @@ pub use frame_times::{FrameTimes, frame_times};
 pub use picture::{WindowPicture, picture};
 pub use recording::{LogLocation, RecordedRun};
 
-use crate::ui::{CameraMode, CityKind, Look, QualityPreset};
+use crate::ui::{CameraMode, CityKind, Look, QualityPreset, Theme};
 use city3d_render::{AdapterPreference, Context};
 use city3d_session::playback::Player;
 use city3d_session::{SessionError, SessionHandle, Speed};
@@ -82,6 +86,8 @@ pub struct ScenarioSubject {
     pub speed: Option<Speed>,
     /// Whether the run starts at once.
     pub starts: bool,
+    /// Whether the window begins with its start page: nobody has named a scenario.
+    pub has_start_page: bool,
     /// Whether a person drives the selected vehicle in a picture of the window.
     pub is_driven: bool,
 }
@@ -121,6 +127,10 @@ pub struct WindowOptions {
     pub mode: Option<CameraMode>,
     /// The panel Traffic is open.
     pub traffic: bool,
+    /// Theme of the panels; by default the stored one.
+    pub theme: Option<Theme>,
+    /// Size of texts and widgets, 1 is usual; by default the stored one.
+    pub ui_scale: Option<f32>,
     /// Closes the window from elsewhere.
     pub quit: QuitSignal,
 }
@@ -185,6 +195,10 @@ impl WindowSubject {
             }
         };
         viewer.restore(settings);
+        let preferences = &mut viewer.state.preferences;
+        preferences.theme = options.theme.unwrap_or(preferences.theme);
+        preferences.scale = options.ui_scale.unwrap_or(preferences.scale);
+        *preferences = preferences.sane();
         if let Self::Scenario(subject) = self
             && let Some(speed) = subject.speed.or(settings.speed.map(Speed::sane))
         {
@@ -194,11 +208,13 @@ impl WindowSubject {
         Ok(viewer)
     }
 
-    /// Where runs are recorded; a replayed log stays as it is.
+    /// Where runs are recorded.
     fn logs(&self) -> LogLocation {
         match self {
             Self::Scenario(subject) => subject.logs.clone(),
-            Self::City(_) | Self::Log(_) => LogLocation::Nowhere,
+            // Scenarios that are opened after the log are recorded.
+            Self::Log(_) => LogLocation::OfTheUser,
+            Self::City(_) => LogLocation::Nowhere,
         }
     }
 }
@@ -211,7 +227,7 @@ impl ScenarioSubject {
         settings: &ViewSettings,
         recording: RecordingOptions,
     ) -> Result<ViewerState, WindowError> {
-        let experiment = city3d_session::load(&self.request)?;
+        let experiment = loading::read(&self.request)?;
         let look = options.look(context, settings, experiment.time_of_day);
         ViewerState::new(self.request.clone(), experiment, look, recording)
     }

@@ -4,7 +4,7 @@ use super::WindowError;
 use crate::ui::{self, Look, PictureRequest, PictureSlot, QualityPreset};
 use city3d_protocol::snapshot::FrameSnapshot;
 use city3d_render::{
-    BakedTextures, Context, Daylight, Image, Quality, Renderer, Settings, TargetView, read_texture,
+    BakedTextures, Context, Daylight, Image, Overlay, Quality, Renderer, Settings, TargetView, read_texture,
 };
 use city3d_scene::SceneDescription;
 use city3d_simulation::scenario::Experiment;
@@ -15,12 +15,14 @@ use std::collections::BTreeMap;
 pub struct WindowPainter {
     context: Context,
     city: Renderer,
+    /// Quality and time of day of the renderer.
+    look: Look,
     panels: egui_wgpu::Renderer,
     /// Format of the targets.
     format: wgpu::TextureFormat,
     slots: BTreeMap<PictureSlot, Texture>,
-    /// Snapshot and pictures in the textures: equal ones are not drawn again.
-    drawn: Option<(FrameSnapshot, Vec<PictureRequest>)>,
+    /// Snapshot, pictures and overlay in the textures: equal ones are not drawn again.
+    drawn: Option<(FrameSnapshot, Vec<PictureRequest>, Overlay)>,
 }
 
 /// Texture of a picture. The city's shaders encode sRGB themselves, so its format is linear.
@@ -56,7 +58,7 @@ impl WindowPainter {
         // Dithering would cost a software adapter at every pixel what only gradients need.
         let options = RendererOptions { dithering: false, ..RendererOptions::default() };
         let panels = egui_wgpu::Renderer::new(&context.device, format, options);
-        Ok(Self { context, city, panels, format, slots: BTreeMap::new(), drawn: None })
+        Ok(Self { context, city, look, panels, format, slots: BTreeMap::new(), drawn: None })
     }
 
     /// The adapter and the device that draw.
@@ -64,9 +66,14 @@ impl WindowPainter {
         &self.context
     }
 
+    /// Quality and time of day of what it draws.
+    pub fn look(&self) -> Look {
+        self.look
+    }
+
     /// Replaces the renderer: another city, or another light.
-    pub fn set_city(&mut self, city: Renderer) {
-        self.city = city;
+    pub fn set_city(&mut self, city: Renderer, look: Look) {
+        (self.city, self.look) = (city, look);
         self.drawn = None;
     }
 
@@ -75,12 +82,20 @@ impl WindowPainter {
         self.slots.iter().map(|(slot, texture)| (*slot, texture.id)).collect()
     }
 
-    /// Draws the pictures of a frame, all of one snapshot; unchanged ones are not drawn again.
+    /// Draws the pictures of a frame, all of one snapshot; unchanged ones are not drawn again. The overlay lies over the city.
     ///
     /// # Errors
     /// When the adapter cannot draw a view or a vehicle.
-    pub fn draw(&mut self, snapshot: &FrameSnapshot, pictures: &[PictureRequest]) -> Result<(), WindowError> {
-        if self.drawn.as_ref().is_some_and(|(of, what)| of == snapshot && what == pictures) {
+    pub fn draw(
+        &mut self,
+        snapshot: &FrameSnapshot,
+        pictures: &[PictureRequest],
+        overlay: &Overlay,
+    ) -> Result<(), WindowError> {
+        let is_drawn = |(of, what, over): &(FrameSnapshot, Vec<PictureRequest>, Overlay)| {
+            of == snapshot && what == pictures && over == overlay
+        };
+        if self.drawn.as_ref().is_some_and(is_drawn) {
             return Ok(());
         }
         self.drawn = None;
@@ -102,11 +117,15 @@ impl WindowPainter {
         let targets: Vec<TargetView<'_>> = views
             .iter()
             .zip(pictures)
-            .map(|(color, picture)| TargetView { color, format: FORMAT, extent: picture.view.extent })
+            .map(|(color, picture)| TargetView {
+                kind: picture.kind,
+                overlay: (picture.slot == PictureSlot::City).then_some(overlay),
+                ..TargetView::new(color, FORMAT, picture.view.extent)
+            })
             .collect();
         let views: Vec<_> = pictures.iter().map(|picture| picture.view).collect();
         self.city.draw(snapshot, &views, &targets)?;
-        self.drawn = Some((snapshot.clone(), pictures.to_vec()));
+        self.drawn = Some((snapshot.clone(), pictures.to_vec(), overlay.clone()));
         Ok(())
     }
 
@@ -174,24 +193,25 @@ impl WindowPainter {
         if !screens.is_empty() {
             let points = output.pixels_per_point;
             let primitives = egui.tessellate(std::mem::take(&mut output.shapes), points);
-            screens.iter().for_each(|screen| self.paint_primitives(&primitives, points, *screen));
+            let ground = self.clear_colour(ui::ground(egui));
+            screens.iter().for_each(|screen| self.paint_primitives((&primitives, ground), points, *screen));
         }
         gone.iter().for_each(|id| self.panels.free_texture(id));
     }
 
     /// Clear colour under the panels: a clear costs less than a rectangle.
-    fn ground(&self) -> wgpu::Color {
+    fn clear_colour(&self, ground: egui::Color32) -> wgpu::Color {
         let [r, g, b, _] = if self.format.is_srgb() {
-            egui::Rgba::from(ui::GROUND).to_array().map(f64::from)
+            egui::Rgba::from(ground).to_array().map(f64::from)
         } else {
-            ui::GROUND.to_array().map(|part| f64::from(part) / 255.0)
+            ground.to_array().map(|part| f64::from(part) / 255.0)
         };
         wgpu::Color { r, g, b, a: 1.0 }
     }
 
     fn paint_primitives(
         &mut self,
-        primitives: &[egui::ClippedPrimitive],
+        (primitives, ground): (&[egui::ClippedPrimitive], wgpu::Color),
         pixels_per_point: f32,
         screen: PaintTarget<'_>,
     ) {
@@ -205,10 +225,7 @@ impl WindowPainter {
                 view: screen.view,
                 depth_slice: None,
                 resolve_target: None,
-                ops: wgpu::Operations {
-                    load: wgpu::LoadOp::Clear(self.ground()),
-                    store: wgpu::StoreOp::Store,
-                },
+                ops: wgpu::Operations { load: wgpu::LoadOp::Clear(ground), store: wgpu::StoreOp::Store },
             })],
             ..Default::default()
         });

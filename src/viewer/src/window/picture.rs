@@ -207,17 +207,17 @@ pub(super) fn draw_pass(
 ) -> Result<(), WindowError> {
     let textures = painter.textures();
     let mut actions = Vec::new();
-    let input = input(screen.extent, time_s);
+    let input = input(screen.extent, egui.zoom_factor(), time_s);
     let output = egui.run_ui(input, |ui| actions.extend(viewer.pass(ui, &textures, 0.0)));
     viewer.act(actions, 0.0);
-    painter.draw(viewer.interpolated(), viewer.pictures())?;
+    painter.draw(viewer.interpolated(), viewer.pictures(), viewer.overlay())?;
     painter.paint(egui, output, std::slice::from_ref(screen));
     Ok(())
 }
 
 /// Input of egui for a screen of some pixels without user events.
-fn input(extent: [u32; 2], time_s: f64) -> egui::RawInput {
-    let size = egui::vec2(extent[0] as f32, extent[1] as f32);
+fn input(extent: [u32; 2], pixels_per_point: f32, time_s: f64) -> egui::RawInput {
+    let size = egui::vec2(extent[0] as f32, extent[1] as f32) / pixels_per_point;
     egui::RawInput {
         screen_rect: Some(egui::Rect::from_min_size(egui::Pos2::ZERO, size)),
         time: Some(time_s),

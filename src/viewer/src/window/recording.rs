@@ -5,7 +5,7 @@ use city3d_logbook::record::LogOrigin;
 use city3d_session::{
     FileOptions, Host, LocalCity, Overwrite, RunFiles, RunFolders, Session, SessionHandle, WallTime,
 };
-use city3d_simulation::scenario::{Experiment, ScenarioRequest};
+use city3d_simulation::scenario::{Experiment, ScenarioRequest, is_map};
 use std::path::PathBuf;
 use std::sync::Arc;
 
@@ -60,7 +60,9 @@ pub(super) fn start(
     before: u32,
 ) -> Result<SessionHandle, WindowError> {
     let on_update = Arc::clone(&recording.on_update);
-    let folders = match recording.logs.of(&request.scenario) {
+    // A map alone has nothing to record.
+    let root = recording.logs.of(&request.scenario).filter(|_| !is_map(request));
+    let folders = match root {
         Some(root) => RunFolders::Numbered { root, before },
         None => RunFolders::None,
     };

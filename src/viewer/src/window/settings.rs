@@ -1,7 +1,9 @@
 //! Settings of the window that are stored between sessions, in the user's configuration folder.
 
 use crate::cockpit::DeviceProfile;
-use crate::ui::{CameraMode, Layers, PanelWidths, PreviewCamera, QualityPreset, TableState};
+use crate::ui::{
+    Bookmarks, CameraMode, Layers, Preferences, PreviewCamera, QualityPreset, StoredLayout, TableState,
+};
 use city3d_outputs::WholeFile;
 use city3d_session::Speed;
 use serde::de::DeserializeOwned;
@@ -23,16 +25,22 @@ pub struct ViewSettings {
     pub preset: Option<QualityPreset>,
     /// Camera of the large view.
     pub mode: CameraMode,
+    /// Files that were opened last, the latest first.
+    pub recent: Vec<PathBuf>,
     /// `None` until the user chooses.
     pub speed: Option<Speed>,
     /// Overlays of the city view.
     pub layers: Layers,
     /// Sort column and direction of the table of vehicles; its filter is not stored.
     pub table: TableState,
-    /// Widths of the side panels, points.
-    pub widths: PanelWidths,
+    /// Theme, status colours, size of the interface and units.
+    pub preferences: Preferences,
+    /// Places of the panels, and which are open; the usual ones until the user has closed a window.
+    pub layout: Option<StoredLayout>,
     /// What was watched in the last live run.
     pub views: WatchedVehicles,
+    /// Stored cameras of the large view.
+    pub bookmarks: Bookmarks,
 }
 
 /// Followed vehicle and open previews of one scenario, by vehicle name.
@@ -115,6 +123,11 @@ fn file(name: &str) -> Option<PathBuf> {
     folder("XDG_CONFIG_HOME", ".config").map(|folder| folder.join("city3d").join(name))
 }
 
+/// The folder of the runs that windows have recorded.
+pub fn runs_folder() -> Option<PathBuf> {
+    Some(folder("XDG_DATA_HOME", ".local/share")?.join("city3d").join("runs"))
+}
+
 /// A new folder for the logs of a window on a scenario.
 pub fn log_folder(scenario: &str) -> Option<PathBuf> {
     let stem = Path::new(scenario).file_stem()?.to_string_lossy().into_owned();
@@ -122,7 +135,7 @@ pub fn log_folder(scenario: &str) -> Option<PathBuf> {
     let [year, month, day] = date(seconds / 86_400);
     let (hour, minute, second) = (seconds / 3600 % 24, seconds / 60 % 60, seconds % 60);
     let name = format!("{stem}-{year:04}{month:02}{day:02}-{hour:02}{minute:02}{second:02}");
-    let runs = folder("XDG_DATA_HOME", ".local/share")?.join("city3d").join("runs");
+    let runs = runs_folder()?;
     let others = (2..).map(|k| format!("{name}-{k}"));
     std::iter::once(name.clone()).chain(others).map(|name| runs.join(name)).find(|folder| !folder.exists())
 }
@@ -162,6 +175,8 @@ fn date(days: u64) -> [u64; 3] {
 mod tests {
     use super::*;
     use crate::cockpit::{ControlFunction, DeviceControl, LeverCalibration};
+    use crate::ui::{Layout, OpenPanels, Theme, Viewpoint};
+    use city3d_protocol::snapshot::FrameSnapshot;
 
     #[test]
     fn no_stored_size_is_one_that_a_window_cannot_have() {
@@ -184,14 +199,18 @@ mod tests {
     fn settings_come_back_as_they_were_written() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("new").join("view.toml");
+        let mut bookmarks = Bookmarks::default();
+        bookmarks.set(3, &Viewpoint::around(&FrameSnapshot::default()));
         let settings = ViewSettings {
             size: Some([1600, 900]),
             preset: Some(QualityPreset::Medium),
             mode: CameraMode::Overhead,
+            recent: vec!["/home/me/mine.toml".into()],
             layers: Layers { lanes: true, labels: false, ..Layers::default() },
             table: TableState { descending: true, ..TableState::default() },
             speed: Some(Speed::Times(2.0)),
-            widths: PanelWidths { vehicles: 321.5, previews: 300.0 },
+            preferences: Preferences { theme: Theme::Light, scale: 1.5, ..Preferences::default() },
+            layout: Layout::default().stored(OpenPanels { traffic: true, ..OpenPanels::default() }),
             views: WatchedVehicles {
                 scenario: "roundabout".to_owned(),
                 followed: Some("path1_a".to_owned()),
@@ -200,6 +219,7 @@ mod tests {
                     ("path1_a".to_owned(), PreviewCamera::Own(1)),
                 ],
             },
+            bookmarks,
         };
         write(&path, &settings).unwrap();
         assert_eq!(read::<ViewSettings>(&path), settings);

@@ -1,20 +1,28 @@
 //! The viewer without its window: a live run or a player, the state of the panels, and the actions between them.
 
-use super::recording::{LogLocation, RecordedRun, RecordingOptions, recorded, start};
+mod entering;
+mod seat;
+#[cfg(test)]
+mod tests;
+
+use super::figures::LiveFigures;
+use super::opening::Opening;
+use super::recording::{RecordedRun, RecordingOptions, recorded, start};
 use super::scenario_info::ScenarioInfo;
 use super::settings::{ViewSettings, WatchedVehicles};
 use super::{CitySubject, WindowError};
 use crate::cockpit::SteeringGeometry;
+use crate::ui::runs::{RunsView, StartLists};
 use crate::ui::{
-    self, CameraMode, CityKind, History, HistorySample, KEPT_S, LiveTraffic, Look, ManualDrive,
-    PictureRequest, PictureSlot, Preview, ReplayView, ScenarioChoice, UiAction, UiState, ViewModel,
+    self, CityKind, KEPT_S, LiveTraffic, Look, PastView, PictureRequest, PictureSlot, Preview, ReplayView,
+    ScenarioChoice, UiAction, UiState, VideoKind, VideoStatus, ViewModel,
 };
 use city3d_logbook::record::LogOrigin;
-use city3d_protocol::snapshot::{FrameSnapshot, VehicleId, VehicleInfo, VehicleSpec};
-use city3d_render::Context;
-use city3d_session::playback::{LogInfo, MarkKind, PlaybackCommand, Player, TimelineMark};
+use city3d_protocol::snapshot::{FrameSnapshot, Status, VehicleId, VehicleSpec};
+use city3d_render::{Context, Overlay};
+use city3d_session::playback::{LogInfo, PastPlayer, PlaybackCommand, Player};
 use city3d_session::{
-    EventReader, Order, RunPhase, RunState, SessionError, SessionHandle, SessionStopper, Speed,
+    EventReader, Order, RunHistory, RunPhase, RunState, SessionError, SessionHandle, SessionStopper, Speed,
 };
 use city3d_simulation::scenario::{Experiment, Library, ScenarioRequest, shipped_scenarios};
 use city3d_simulation::sim::World;
@@ -27,10 +35,12 @@ use std::time::Instant;
 pub enum WindowRequest {
     /// The pictures look otherwise from now on.
     Look,
-    /// Another experiment.
-    Scenario(ScenarioRequest),
+    /// Another scenario, or a log.
+    Open(Opening),
     /// The next frame is saved as a picture.
     Screenshot,
+    /// A video begins, or ends.
+    Video(VideoKind),
     /// The device mappings are stored.
     KeepDevices,
     /// The window closes.
@@ -43,6 +53,8 @@ enum ViewedRun {
     Run(SessionHandle),
     /// One that was recorded.
     Log(Box<Player>),
+    /// A session that was stopped so that its log can be opened: its last state.
+    Ended(Arc<RunState>),
 }
 
 impl ViewedRun {
@@ -50,6 +62,7 @@ impl ViewedRun {
         match self {
             Self::Run(live) => live.run_state(),
             Self::Log(player) => player.run_state(),
+            Self::Ended(last) => Arc::clone(last),
         }
     }
 
@@ -62,6 +75,7 @@ impl ViewedRun {
                 (run_state, weight)
             }
             Self::Log(player) => player.advance(now),
+            Self::Ended(last) => (Arc::clone(last), 1.0),
         }
     }
 }
@@ -76,6 +90,8 @@ pub struct ViewerState {
     runs_before: u32,
     /// The run was told that its plans are on display.
     asks_for_plans: bool,
+    /// The run was told that its decisions are on display.
+    asks_for_decisions: bool,
     /// The refusal of an order that was said last.
     refused: u64,
     /// Events of the live run so far.
@@ -84,7 +100,12 @@ pub struct ViewerState {
     scenario_info: ScenarioInfo,
     /// What the user has chosen.
     pub state: UiState,
-    history: History,
+    history: RunHistory,
+    /// Which time of a run that goes on is shown.
+    past: PastPlayer,
+    figures: LiveFigures,
+    /// The video that is being recorded.
+    pub video: Option<VideoStatus>,
     traffic: LiveTraffic,
     interpolated: FrameSnapshot,
     scenarios: Vec<ScenarioChoice>,
@@ -96,6 +117,11 @@ pub struct ViewerState {
     adapter: String,
     most_moving_pixels: Option<u32>,
     recorded: Vec<RecordedRun>,
+    /// What the start page lists, and whether it was shown in the last frame.
+    lists: StartLists,
+    lists_are_shown: bool,
+    /// The scenario that can be run again: the present one, or that of the log which this window wrote.
+    again: Option<ScenarioRequest>,
 }
 
 /// Pixel budget of a software adapter for a fluent frame rate.
@@ -113,13 +139,10 @@ impl ViewerState {
         recording: RecordingOptions,
     ) -> Result<Self, WindowError> {
         let source = ViewedRun::Run(start(&request, &experiment, &recording, 0)?);
-        let mut scenarios: Vec<ScenarioChoice> = shipped_scenarios().map(choice).collect();
-        if scenarios.iter().all(|choice| choice.name != request.scenario) {
-            let description = experiment.description.clone();
-            scenarios.insert(0, ScenarioChoice { name: request.scenario.clone(), description });
-        }
+        let again = Some(request.clone());
         let mut viewer = Self::on(source, request, experiment, (look, recording));
-        viewer.scenarios = scenarios;
+        viewer.again = again;
+        viewer.choose_present();
         viewer.seat_user(0.0);
         Ok(viewer)
     }
@@ -141,6 +164,9 @@ impl ViewerState {
         viewer.scenario_info.own = None;
         // A city elsewhere tells its poses alone.
         viewer.scenario_info.has_control_data = subject.kind == CityKind::Served;
+        if subject.kind == CityKind::Elsewhere {
+            viewer.figures = LiveFigures::new(&viewer.experiment, LogOrigin::Mainframe);
+        }
         // The first picture shows where vehicles will be.
         viewer.state = UiState::new(&planned, look);
         viewer
@@ -149,20 +175,9 @@ impl ViewerState {
     /// A viewer of a recorded run; `log` is its name.
     pub fn on_log(player: Player, log: String, look: Look, recording: RecordingOptions) -> Self {
         let experiment = Arc::clone(player.experiment());
-        let (truncation, is_measured) = (player.info().truncation, player.origin() == LogOrigin::Recorded);
         let request = ScenarioRequest { scenario: log, ..ScenarioRequest::default() };
-        let has_control_data = player.origin().has_world();
         let mut viewer = Self::on(ViewedRun::Log(Box::new(player)), request, experiment, (look, recording));
-        viewer.scenario_info.has_control_data = has_control_data;
-        if is_measured {
-            // The scenario's algorithm did not drive them.
-            viewer.scenario_info.drivers.values_mut().for_each(|driver| "recorded".clone_into(driver));
-        }
-        if let Some(why) = truncation {
-            viewer
-                .state
-                .say(format!("The log is truncated: {why}. It is shown up to its last whole record."), 0.0);
-        }
+        viewer.tell_of_log(0.0);
         viewer
     }
 
@@ -182,19 +197,26 @@ impl ViewerState {
             city: CityKind::Local,
             runs_before: 0,
             asks_for_plans: false,
+            asks_for_decisions: false,
             refused: 0,
             events: EventReader::default(),
             traffic: LiveTraffic::new(&experiment),
+            figures: LiveFigures::new(&experiment, LogOrigin::Run),
             experiment,
-            history: History::default(),
+            history: RunHistory::default(),
+            past: PastPlayer::default(),
+            video: None,
             interpolated,
-            scenarios: Vec::new(),
+            scenarios: shipped_scenarios().map(choice).collect(),
             loading: None,
             seated_in_run: 0,
             footer: String::new(),
             adapter: String::new(),
             most_moving_pixels: None,
             recorded: Vec::new(),
+            lists: StartLists::default(),
+            lists_are_shown: false,
+            again: None,
         }
     }
 
@@ -230,10 +252,12 @@ impl ViewerState {
         is_taken
     }
 
-    /// Sends a playback command to the player.
+    /// Sends a playback command to the player of a log, or of the past of a run.
     pub fn control_playback(&mut self, command: PlaybackCommand) {
-        if let ViewedRun::Log(player) = &mut self.source {
-            player.command(command);
+        match &mut self.source {
+            ViewedRun::Log(player) => player.command(command),
+            ViewedRun::Run(live) => self.past.command(command, &live.run_state(), &self.history),
+            ViewedRun::Ended(last) => self.past.command(command, last, &self.history),
         }
     }
 
@@ -243,10 +267,11 @@ impl ViewerState {
         self.record_samples(&run_state);
         // This frame requests the data of the running plots.
         self.source.advance(Instant::now());
-        match &self.source {
+        let is_read = match &self.source {
             ViewedRun::Log(player) => player.is_settled(),
-            ViewedRun::Run(_) => true,
-        }
+            ViewedRun::Run(_) | ViewedRun::Ended(_) => true,
+        };
+        is_read && self.figures.is_settled()
     }
 
     /// The player of a recorded run.
@@ -268,9 +293,17 @@ impl ViewerState {
     /// Whether the picture changes by itself, so that each frame is drawn.
     pub fn is_moving(&self) -> bool {
         match &self.source {
-            ViewedRun::Run(live) => live.run_state().phase == RunPhase::Running,
+            ViewedRun::Run(live) => {
+                live.run_state().phase == RunPhase::Running || self.past.is_past() || self.figures.is_saving()
+            }
             ViewedRun::Log(player) => player.is_moving(),
+            ViewedRun::Ended(_) => self.past.is_past() || self.figures.is_saving(),
         }
+    }
+
+    /// The overlay of the last frame.
+    pub fn overlay(&self) -> &Overlay {
+        &self.state.overlay
     }
 
     /// The pictures that the last frame requested.
@@ -278,20 +311,23 @@ impl ViewerState {
         &self.state.pictures
     }
 
-    /// Samples the traffic, and the vehicles of the open previews for the running plots.
+    /// Samples the traffic, and takes the past states that have come since for plots and charts.
     pub fn record_samples(&mut self, run_state: &RunState) {
         self.traffic.observe(&run_state.now);
-        let watched = self.state.previews.iter().map(|preview| preview.vehicle);
         match &mut self.source {
-            ViewedRun::Run(_) => self.history.record_samples(&run_state.now, watched),
-            // Playback may go backwards: take the samples from the log.
+            ViewedRun::Run(_) | ViewedRun::Ended(_) => self.history.read(&run_state.history),
             ViewedRun::Log(player) => {
-                self.history = History::default();
-                for vehicle in watched {
-                    let samples = player.plot_samples(vehicle, KEPT_S).into_iter();
-                    self.history.set(vehicle, samples.map(HistorySample::from));
-                }
+                // No more of a log is read than is shown.
+                let past_s = match (self.state.open.charts, self.state.previews.is_empty()) {
+                    (true, _) => f64::INFINITY,
+                    (false, false) => KEPT_S,
+                    (false, true) => 0.0,
+                };
+                player.read_history(&mut self.history, past_s);
             }
+        }
+        if self.state.open.charts {
+            self.figures.update(&self.state.charts, self.state.selection.vehicle, &self.history);
         }
     }
 
@@ -302,15 +338,27 @@ impl ViewerState {
         textures: &BTreeMap<PictureSlot, egui::TextureId>,
         frames_per_s: f64,
     ) -> Vec<UiAction> {
-        let (run_state, weight) = self.source.advance(Instant::now());
-        self.interpolated.blend(&run_state.before, &run_state.now, weight);
+        let now = Instant::now();
+        let (run_state, mut weight) = self.source.advance(now);
         self.record_samples(&run_state);
+        let mut run_state = before_start(run_state);
+        self.list_runs();
         let now_s = ui.input(|input| input.time);
         self.ask_for_plans(self.state.shows_plans());
+        self.ask_for_decisions(self.state.shows_decisions());
         self.meet_vehicles(&run_state);
         self.seat_user(now_s);
         self.say_refusal(&run_state, now_s);
-        self.say_collisions(&run_state, now_s);
+        self.announce_events(&run_state, now_s);
+        if let Some(saved) = self.figures.try_saved() {
+            self.state.say(saved, now_s);
+        }
+        let live = Arc::clone(&run_state);
+        if let Some(earlier) = self.past.advance(now, &live, &self.history, &self.experiment) {
+            (run_state, weight) = earlier;
+        }
+        let past = PastView { head: self.past.head(&live, &self.history), is_shown: self.past.is_past() };
+        self.interpolated.blend(&run_state.before, &run_state.now, weight);
         let told = self.player().map(|player| (player.head(), player.is_late(), player.info()));
         let replay = told.as_ref().map(|(head, is_late, told)| {
             let LogInfo { marks, searched, truncation } = told;
@@ -350,6 +398,11 @@ impl ViewerState {
             has_control_data: self.scenario_info.has_control_data,
             city: self.city,
             replay,
+            runs: RunsView { lists: &self.lists, may_run_again: self.again.is_some() },
+            past,
+            step_s: self.experiment.rates.dt_s(),
+            chart: self.figures.view(),
+            video: self.video,
         };
         ui::show(ui, &mut self.state, &shown)
     }
@@ -359,20 +412,27 @@ impl ViewerState {
         let mut requests = Vec::new();
         for action in actions {
             match action {
-                UiAction::Order(command) => {
-                    self.send(command);
+                UiAction::Order(order) => requests.extend(self.order(order, now_s)),
+                UiAction::ResetConfirmed => {
+                    self.send(Order::Reset);
                 }
-                UiAction::PlaybackCommand(command) => self.control_playback(command),
+                UiAction::PlaybackCommand(command) => self.look_back(command, now_s),
                 UiAction::Drive(vehicle) => self.take_over(vehicle, now_s),
                 UiAction::GiveBack => self.give_back(now_s),
                 UiAction::Look(_) => requests.push(WindowRequest::Look),
                 UiAction::Screenshot => requests.push(WindowRequest::Screenshot),
+                UiAction::SaveChart => self.figures.save(std::path::Path::new(".")),
+                UiAction::Video(kind) => requests.push(WindowRequest::Video(kind)),
                 UiAction::KeepDevices => requests.push(WindowRequest::KeepDevices),
                 UiAction::Quit => requests.push(WindowRequest::Quit),
                 UiAction::Scenario(scenario) => {
-                    requests
-                        .push(WindowRequest::Scenario(ScenarioRequest { scenario, ..self.request.clone() }));
+                    let request = ScenarioRequest { scenario, ..self.request.clone() };
+                    requests.push(WindowRequest::Open(Opening::scenario(request)));
                 }
+                UiAction::Open(request) => requests.extend(self.open(&request, now_s)),
+                UiAction::Replay => requests.extend(self.replay(now_s)),
+                UiAction::RunAgain(seed) => requests.extend(self.run_again(seed)),
+                UiAction::CompareWith(other) => self.compare_with(&other),
             }
         }
         requests
@@ -396,13 +456,28 @@ impl ViewerState {
         }
     }
 
-    /// Takes the new events of a live run, and tells of a collision at once.
-    fn say_collisions(&mut self, run_state: &RunState, now_s: f64) {
-        let known = self.events.read(&run_state.events);
-        let is_collision = |mark: &&TimelineMark| mark.what.kind() == MarkKind::Collision;
-        if let Some(mark) = self.events.marks()[known..].iter().find(is_collision) {
-            self.state.say(ui::event_words(&run_state.now, mark), now_s);
+    /// Asks the run for decisions and delays of commands while they are on display.
+    pub fn ask_for_decisions(&mut self, wants: bool) {
+        if wants != self.asks_for_decisions && self.send(Order::TellDecisions(wants)) {
+            self.asks_for_decisions = wants;
         }
+    }
+
+    /// Takes the new events of a live run, and tells of grave ones at once.
+    fn announce_events(&mut self, run_state: &RunState, now_s: f64) {
+        let known = self.events.read(&run_state.events);
+        if let Some(words) = ui::announcement(&run_state.now, &self.events.marks()[known..]) {
+            self.state.say(words, now_s);
+        }
+    }
+
+    /// Carries out a playback command. Who drives has to see the present.
+    fn look_back(&mut self, command: PlaybackCommand, now_s: f64) {
+        if self.state.driving.is_some() {
+            self.state.say("You drive: give the vehicle back (Enter) to look at the past", now_s);
+            return;
+        }
+        self.control_playback(command);
     }
 
     /// Says why an order was not carried out.
@@ -415,130 +490,22 @@ impl ViewerState {
         }
     }
 
-    /// Gives the user the vehicle that the scenario reserves for a person, or the car that this window has brought,
-    /// once per run.
-    fn seat_user(&mut self, now_s: f64) {
-        let run_state = self.run_state();
-        let is_new = matches!(self.source, ViewedRun::Run(_)) && self.seated_in_run != run_state.run;
-        let own = match self.city {
-            CityKind::Local => self.scenario_info.own,
-            CityKind::Served => None,
-            CityKind::Elsewhere => run_state.link.as_ref().and_then(|link| link.own_vehicle),
-        };
-        let is_there = own.is_some_and(|vehicle| run_state.now.vehicle(vehicle).is_some());
-        if is_new && (is_there || self.city == CityKind::Local) {
-            self.seated_in_run = run_state.run;
-            if let Some(vehicle) = own {
-                self.take_over(vehicle, now_s);
-            }
-        }
-    }
-
-    /// Why a vehicle cannot be driven from here.
-    fn reason_against_driving(&self, vehicle: VehicleId, run_state: &RunState) -> Option<String> {
-        let is_physical = run_state.now.info(vehicle).is_some_and(VehicleInfo::is_physical);
-        if is_physical || self.experiment.is_physical(vehicle) {
-            return Some(format!("Vehicle {vehicle} is in the laboratory: it is measured here, not driven."));
-        }
-        let own = run_state.link.as_ref().and_then(|link| link.own_vehicle);
-        match (self.city, own) {
-            (CityKind::Elsewhere, None) => Some(
-                "This window watches a city elsewhere; city3d view --city ADDR --guest brings a car of your own."
-                    .to_owned(),
-            ),
-            (CityKind::Elsewhere, Some(own)) if own != vehicle => {
-                Some(format!("Vehicle {vehicle} is not yours; your car is number {own}."))
-            }
-            _ => None,
-        }
-    }
-
-    fn take_over(&mut self, vehicle: VehicleId, now_s: f64) {
-        let run_state = self.run_state();
-        if let Some(why) = self.reason_against_driving(vehicle, &run_state) {
-            self.state.say(why, now_s);
-            return;
-        }
-        self.give_back(now_s);
-        let Some(state) = run_state.now.vehicle(vehicle) else { return };
-        self.state.driving = Some(ManualDrive::take_over(vehicle, run_state.run, state.steering_rad));
-        self.state.selection.vehicle = Some(vehicle);
-        self.state.viewpoint.set_mode(CameraMode::Chase, Some(vehicle));
-        self.state.viewpoint.follow = Some(vehicle);
-    }
-
-    fn give_back(&mut self, now_s: f64) {
-        let Some(driving) = self.state.driving.take() else { return };
-        self.send(Order::Release(driving.vehicle));
-        self.state.viewpoint.rear = false;
-        let run_state = self.run_state();
-        let found = run_state.now.vehicle(driving.vehicle).zip(run_state.now.info(driving.vehicle));
-        if let Some((vehicle, info)) = found
-            && ui::is_off_lanes(vehicle, info, &self.experiment.city_map)
-        {
-            let name = &info.name;
-            self.state.say(
-                format!(
-                    "{name} is off the lanes: its algorithm has no route from there, and stops it. \
-                     Drive it back onto a lane (Enter), or reset the run."
-                ),
-                now_s,
-            );
-        }
-    }
-
-    /// Ends the present run with its log, and starts another scenario.
-    ///
-    /// # Errors
-    /// Where it cannot be run; the present one goes on then.
-    pub fn enter(
-        &mut self,
-        request: ScenarioRequest,
-        experiment: Arc<Experiment>,
-        now_s: f64,
-    ) -> Result<(), WindowError> {
-        // Runs in one folder are numbered on.
-        let before = match self.recording.logs {
-            LogLocation::In(_) => self.runs_before + self.run_state().run,
-            LogLocation::Nowhere | LogLocation::OfTheUser => 0,
-        };
-        let live = start(&request, &experiment, &self.recording, before)?;
-        let old = std::mem::replace(&mut self.source, ViewedRun::Run(live));
-        let old_name = self.experiment.name.clone();
-        (self.request, self.runs_before, self.refused) = (request, before, 0);
-        self.asks_for_plans = false;
-        self.seated_in_run = 0;
-        self.scenario_info = ScenarioInfo::of(&experiment);
-        self.traffic = LiveTraffic::new(&experiment);
-        self.experiment = experiment;
-        let first = self.run_state();
-        let look = self.state.look;
-        let before = std::mem::replace(&mut self.state, UiState::new(&first.now, look));
-        (self.state.table, self.state.layers) = (before.table, before.layers);
-        (self.state.devices, self.state.widths) = (before.devices, before.widths);
-        self.set_speed(old.run_state().speed);
-        if let ViewedRun::Run(old) = old {
-            match old.stop() {
-                Ok(written) => {
-                    self.state.notice = written.failure.map(|why| (why.to_string(), now_s + 6.0));
-                    self.recorded.extend(recorded(&old_name, written.folders));
-                }
-                Err(error) => self.state.say(error.to_string(), now_s),
-            }
-        }
-        Ok(())
-    }
-
     /// Restores the stored settings.
     pub fn restore(&mut self, settings: &ViewSettings) {
+        self.lists.recent.clone_from(&settings.recent);
         let state = &mut self.state;
-        (state.table, state.layers, state.widths) =
-            (settings.table.clone(), settings.layers, settings.widths);
+        (state.table, state.layers) = (settings.table.clone(), settings.layers);
+        state.preferences = settings.preferences.sane();
+        if let Some(stored) = &settings.layout {
+            (state.layout, state.open) = (ui::Layout::from(stored), stored.open);
+        }
         let views = Some(&settings.views).filter(|views| views.scenario == self.request.scenario);
         let find = |name: &String| self.experiment.vehicles.iter().find(|v| v.name == *name).map(|v| v.id);
         let previews = views.into_iter().flat_map(|views| &views.previews);
-        state.previews =
-            previews.filter_map(|(name, eye)| Some(Preview { vehicle: find(name)?, eye: *eye })).collect();
+        state.previews = previews
+            .filter_map(|(name, eye)| Some(Preview { eye: *eye, ..Preview::new(find(name)?) }))
+            .collect();
+        state.bookmarks = settings.bookmarks.clone();
         // A driver keeps the chase view.
         if state.driving.is_none() {
             let followed = views.and_then(|views| views.followed.as_ref()).and_then(find);
@@ -551,9 +518,11 @@ impl ViewerState {
     /// Stores the settings.
     pub fn remember(&self, settings: &mut ViewSettings) {
         let state = &self.state;
-        (settings.table, settings.layers, settings.widths) =
-            (state.table.clone(), state.layers, state.widths);
-        settings.mode = state.viewpoint.mode;
+        (settings.table, settings.layers) = (state.table.clone(), state.layers);
+        settings.preferences = state.preferences;
+        settings.layout = state.layout.stored(state.open);
+        (settings.mode, settings.bookmarks) = (state.viewpoint.mode, state.bookmarks.clone());
+        settings.recent.clone_from(&self.lists.recent);
         // Settings of a replay, or of a city that keeps its own time, are not stored for the next run.
         let (ViewedRun::Run(live), CityKind::Local) = (&self.source, self.city) else { return };
         settings.speed = Some(live.run_state().speed);
@@ -571,7 +540,7 @@ impl ViewerState {
     /// # Errors
     /// When the log could not be written to its end.
     pub fn close(mut self) -> Result<Vec<RecordedRun>, WindowError> {
-        let ViewedRun::Run(live) = self.source else { return Ok(Vec::new()) };
+        let ViewedRun::Run(live) = self.source else { return Ok(self.recorded) };
         if self.city == CityKind::Served {
             // Who serves the city tells what was written.
             live.stop().map_err(WindowError::End)?;
@@ -600,6 +569,22 @@ impl ViewerState {
     pub fn city(&self) -> CityKind {
         self.city
     }
+}
+
+/// The state as it is shown: before its start nothing moves, whatever speeds vehicles will start with.
+fn before_start(run_state: Arc<RunState>) -> Arc<RunState> {
+    if run_state.phase != RunPhase::Ready || run_state.link.is_some() {
+        return run_state;
+    }
+    let waiting = |snapshot: &FrameSnapshot| {
+        let mut snapshot = snapshot.clone();
+        for vehicle in &mut snapshot.vehicles {
+            (vehicle.status, vehicle.speed_mps) = (Status::Waiting, 0.0);
+        }
+        Arc::new(snapshot)
+    };
+    let (before, now) = (waiting(&run_state.before), waiting(&run_state.now));
+    Arc::new(RunState { before, now, ..RunState::clone(&run_state) })
 }
 
 /// A clause as a sentence.

@@ -26,12 +26,12 @@ pub fn has_text(harness: &Harness<'static, Desk>, text: &str) -> bool {
     texts(harness).iter().any(|painted| painted == text)
 }
 
-fn picture(harness: &Harness<'static, Desk>, slot: PictureSlot) -> PictureRequest {
+pub fn picture(harness: &Harness<'static, Desk>, slot: PictureSlot) -> PictureRequest {
     *harness.state().state.pictures.iter().find(|picture| picture.slot == slot).unwrap()
 }
 
 /// The place of the large view on screen: where its picture would be, which no test has.
-fn place(harness: &Harness<'static, Desk>) -> Rect {
+pub fn place(harness: &Harness<'static, Desk>) -> Rect {
     let extent = picture(harness, PictureSlot::City).view.extent.map(|pixels| pixels as f32);
     let rects = harness.output().shapes.iter().filter_map(|clipped| match &clipped.shape {
         Shape::Rect(rect) => Some(rect.rect),
@@ -43,7 +43,7 @@ fn place(harness: &Harness<'static, Desk>) -> Rect {
 }
 
 /// Where a vehicle is on screen.
-fn vehicle_at(harness: &Harness<'static, Desk>, index: usize) -> Pos2 {
+pub fn vehicle_at(harness: &Harness<'static, Desk>, index: usize) -> Pos2 {
     let view = picture(harness, PictureSlot::City).view;
     let middle = harness.state().run_state.now.vehicles[index].position + DVec3::Z * 0.75;
     let pixel = view.project(middle).unwrap();
@@ -52,7 +52,7 @@ fn vehicle_at(harness: &Harness<'static, Desk>, index: usize) -> Pos2 {
     place(harness).min + share * place(harness).size()
 }
 
-fn click_at(harness: &mut Harness<'static, Desk>, at: Pos2, times: u32) {
+pub fn click_at(harness: &mut Harness<'static, Desk>, at: Pos2, times: u32) {
     harness.event(egui::Event::PointerMoved(at));
     for _ in 0..times {
         for pressed in [true, false] {
@@ -65,7 +65,7 @@ fn click_at(harness: &mut Harness<'static, Desk>, at: Pos2, times: u32) {
 }
 
 /// Cars far apart, named like those of a scenario.
-fn spread(count: u32) -> FrameSnapshot {
+pub fn spread(count: u32) -> FrameSnapshot {
     let mut snapshot = fleet(count);
     for (index, vehicle) in snapshot.vehicles.iter_mut().enumerate() {
         vehicle.position = DVec3::new(30.0 * index as f64, 8.0 * index as f64, 0.0);
@@ -147,14 +147,15 @@ fn the_map_moves_the_view_and_can_be_hidden() {
 fn layers_are_drawn_with_no_one_six_and_five_hundred_vehicles() {
     for count in [0, 1, 6, 500] {
         let mut harness = with(count);
-        let shapes = |harness: &Harness<'static, Desk>| harness.output().shapes.len();
+        let lines = |harness: &Harness<'static, Desk>| harness.state().state.overlay.lines.len();
         click(&mut harness, "Layers");
-        let before = shapes(&harness);
-        for layer in ["Lanes", "Conflict zones"] {
+        let before = lines(&harness);
+        for layer in ["Lanes", "Conflict zones", "Boxes"] {
             click(&mut harness, layer);
         }
-        assert!(shapes(&harness) > before + 20, "{count}: the lanes of the map are lines");
-        click(&mut harness, "Route of the selected vehicle, or of all");
+        assert!(lines(&harness) >= before + 20 + 12 * count as usize, "{count}: lanes and boxes are lines");
+        assert!(harness.state().state.overlay.lines.iter().all(|line| line.paint.behind == 0.0));
+        click(&mut harness, "Route of the selected vehicle");
         press(&mut harness, egui::Key::PageDown);
         assert_eq!(harness.state().state.selection.vehicle.is_some(), count > 0);
         let layers = harness.state().state.layers;
@@ -210,7 +211,10 @@ fn windows_of_all_sizes_are_drawn() {
     let mut desk = Desk::with(fleet(500));
     desk.run_state.phase = RunPhase::Running;
     (1..=4).for_each(|id| desk.state.toggle_preview(VehicleId(id)));
-    (desk.state.open.help, desk.state.open.layers, desk.state.open.controllers) = (true, true, true);
+    let open = &mut desk.state.open;
+    (open.help, open.layers, open.controllers) = (true, true, true);
+    (open.settings, open.events, open.traffic) = (true, true, true);
+    desk.state.palette.is_open = true;
     let mut harness = harness(desk);
     for size in [[320.0, 240.0], [1.0, 1.0], [0.0, 0.0], [900.0, 600.0], [3840.0, 2160.0], [200.0, 1500.0]] {
         harness.set_size(size.into());
@@ -222,39 +226,15 @@ fn windows_of_all_sizes_are_drawn() {
 }
 
 #[test]
-fn the_width_of_a_panel_is_taken_from_the_last_time_and_kept() {
-    let mut desk = Desk::with(fleet(6));
-    (desk.state.widths.vehicles, desk.state.widths.previews) = (330.0, 350.0);
-    desk.state.toggle_preview(VehicleId(1));
-    let mut harness = harness(desk);
-    harness.run_steps(20);
-    let widths = harness.state().state.widths;
-    assert_eq!((widths.vehicles, widths.previews), (330.0, 350.0));
-    let left = harness.get_by_label("Previews").rect().left();
-    assert!((1280.0 - 350.0..1280.0 - 330.0).contains(&left), "{left}");
-    let edge = egui::pos2(330.0, 400.0);
-    harness.event(egui::Event::PointerMoved(edge));
-    harness.run_steps(2);
-    harness.drag_at(edge);
-    harness.run_steps(2);
-    harness.hover_at(edge + Vec2::new(60.0, 0.0));
-    harness.run_steps(2);
-    harness.drop_at(edge + Vec2::new(60.0, 0.0));
-    harness.run_steps(2);
-    let dragged = harness.state().state.widths.vehicles;
-    assert!((370.0..=395.0).contains(&dragged), "{dragged}");
-    harness.run_steps(20);
-    assert_eq!(harness.state().state.widths.vehicles, dragged);
-}
-
-#[test]
 fn a_small_window_keeps_the_columns_for_id_status_position_and_speed() {
-    let kept = ["ID", "Status", "x m", "y m", "km/h"];
+    let kept = ["ID", "Status", "x (m)", "y (m)", "km/h"];
     for (size, has_previews, more) in [
         ([1280.0, 720.0], true, &["Name", "Driver"][..]),
         ([960.0, 600.0], true, &[]),
         ([800.0, 600.0], true, &[]),
         ([640.0, 480.0], false, &[]),
+        // 1280 x 720 pixels at twice the size.
+        ([640.0, 360.0], false, &[]),
     ] {
         let mut desk = Desk::with(fleet(6));
         if has_previews {

@@ -1,17 +1,19 @@
 //! A desk for the panels: everything that they are shown, and what they ask for.
 
+use city3d_logbook::figures::chart::Figure;
 use city3d_protocol::snapshot::{
     Appearance, Dimensions, FrameSnapshot, Status, VehicleId, VehicleInfo, VehicleState,
 };
 use city3d_roadmap::{CityMap, LaneId};
 use city3d_scene::Wall;
 use city3d_session::playback::{Playhead, TimelineMark};
-use city3d_session::{RunPhase, RunState};
+use city3d_session::{RunHistory, RunPhase, RunState};
 use city3d_simulation::scenario::{Experiment, Library, Overrides, read_experiment};
 use city3d_viewer::cockpit::SteeringGeometry;
+use city3d_viewer::ui::runs::{RunsView, StartLists};
 use city3d_viewer::ui::{
-    self, CityKind, ControlZoneArea, DriverNames, History, LiveTraffic, Look, QualityPreset, ReplayView,
-    ScenarioCamera, ScenarioChoice, UiAction, UiState, ViewModel,
+    self, ChartView, CityKind, ControlZoneArea, DriverNames, LiveTraffic, Look, PastView, QualityPreset,
+    ReplayView, ScenarioCamera, ScenarioChoice, UiAction, UiState, VideoStatus, ViewModel,
 };
 use egui_kittest::Harness;
 use egui_kittest::kittest::Queryable;
@@ -38,7 +40,11 @@ pub struct Desk {
     pub run_state: RunState,
     /// Events of a live run.
     pub events: Vec<TimelineMark>,
-    pub history: History,
+    pub history: RunHistory,
+    /// Which time of a run that goes on is shown; its present where `None`.
+    pub past: Option<PastView>,
+    pub chart: Option<Figure>,
+    pub video: Option<VideoStatus>,
     pub traffic: LiveTraffic,
     pub map: Arc<CityMap>,
     pub control_zones: Vec<ControlZoneArea>,
@@ -52,6 +58,7 @@ pub struct Desk {
     pub recording: Option<Recording>,
     pub has_control_data: bool,
     pub city: CityKind,
+    pub lists: StartLists,
 }
 
 /// A recorded run that the panels are shown.
@@ -60,6 +67,19 @@ pub struct Recording {
     pub marks: Vec<TimelineMark>,
     pub searched: f64,
     pub truncation: Option<String>,
+}
+
+/// A playhead at the present of a run.
+pub fn present(time_s: f64) -> Playhead {
+    Playhead {
+        from_s: 0.0,
+        to_s: time_s,
+        at_s: time_s,
+        before_s: time_s - 0.01,
+        is_playing: false,
+        is_reverse: false,
+        speed: 1.0,
+    }
 }
 
 pub fn fleet(count: u32) -> FrameSnapshot {
@@ -101,7 +121,10 @@ impl Desk {
         let steering_geometry = SteeringGeometry { wheelbase_m: 3.0, steering_limit_rad: 0.7 };
         Self {
             state: UiState::new(&now, Look { preset: QualityPreset::Low, hours: 12.0 }),
-            history: History::default(),
+            history: RunHistory::default(),
+            past: None,
+            chart: None,
+            video: None,
             traffic: LiveTraffic::new(&experiment()),
             map: map(),
             control_zones: Vec::new(),
@@ -117,6 +140,7 @@ impl Desk {
             run_state: RunState::standing(now, RunPhase::Paused),
             events: Vec::new(),
             city: CityKind::Local,
+            lists: StartLists::default(),
         }
     }
 
@@ -125,7 +149,7 @@ impl Desk {
     }
 
     fn show(&mut self, ui: &mut egui::Ui) {
-        self.history.record_samples(&self.run_state.now, self.state.previews.iter().map(|p| p.vehicle));
+        self.history.push(&self.run_state.now);
         self.traffic.observe(&self.run_state.now);
         let textures = BTreeMap::new();
         let shown = ViewModel {
@@ -154,6 +178,7 @@ impl Desk {
             most_moving_pixels: Some(100_000),
             has_control_data: self.has_control_data,
             city: self.city,
+            runs: RunsView { lists: &self.lists, may_run_again: true },
             replay: self.recording.as_ref().map(|recording| ReplayView {
                 name: "straight",
                 head: recording.head,
@@ -162,6 +187,10 @@ impl Desk {
                 truncation: recording.truncation.as_deref(),
                 is_late: false,
             }),
+            past: self.past.unwrap_or(PastView { head: present(self.run_state.now.time_s), is_shown: false }),
+            step_s: 0.01,
+            chart: ChartView { figure: self.chart.as_ref(), ..ChartView::default() },
+            video: self.video,
         };
         let actions = ui::show(ui, &mut self.state, &shown);
         self.actions.extend(actions);

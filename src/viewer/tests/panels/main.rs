@@ -1,16 +1,24 @@
 //! The panels of the window, one by one, with what they may have to show.
 #![allow(clippy::unwrap_used, reason = "a test may end where it finds something wrong")]
 
+mod charts;
 mod city;
+mod commands;
 mod controllers;
 mod desk;
+mod insight;
+mod layout;
+mod live_timeline;
+mod overlays;
 mod plans;
+mod runs;
 mod timeline;
 mod traffic;
+mod viewing;
 
 use city3d_protocol::snapshot::{EventKind, Status, VehicleId};
 use city3d_sensors::{Lens, Mount, MountPoint};
-use city3d_session::playback::{Occurrence, TimelineMark};
+use city3d_session::playback::{Occurrence, PlaybackCommand, TimelineMark};
 use city3d_session::{Order, RunPhase, Speed};
 use city3d_simulation::runner::Run;
 use city3d_simulation::scenario::{Library, Overrides, read_experiment};
@@ -72,7 +80,7 @@ fn while_paused_the_numbers_are_those_of_the_tick() {
         run.step();
     }
     let mut harness = harness(Desk::with(run.snapshot().clone()));
-    harness.get_by_label("  9.00 s");
+    harness.get_by_label("   9.00 s");
     for (vehicle, info) in run.snapshot().clone().iter() {
         let tenths = |value: f64| format!("{:.1}", (value * 10.0).round() / 10.0 + 0.0);
         let kmh = tenths(vehicle.speed_mps * 3.6);
@@ -151,39 +159,19 @@ fn keys_of_one_pass_are_taken_in_their_order() {
 }
 
 #[test]
-fn without_previews_the_city_has_their_room_and_a_strip_opens_them() {
-    let mut harness = with(6);
-    let strip = harness.get_by_label("Previews").rect();
-    assert!(strip.width() < 30.0 && strip.right() > 1270.0, "{strip:?}");
-    let city = |harness: &Harness<'static, Desk>| {
-        let pictures = &harness.state().state.pictures;
-        pictures.iter().find(|p| p.slot == PictureSlot::City).unwrap().view.extent[0]
-    };
-    let wide = city(&harness);
-    // Nobody is selected: the first one's.
-    click(&mut harness, "Previews");
-    assert_eq!(harness.state().state.previews[0].vehicle, VehicleId(1));
-    harness.run_steps(3);
-    assert!(city(&harness) + 200 < wide, "{} of {wide}", city(&harness));
-    harness.state_mut().state.selection.vehicle = Some(VehicleId(4));
-    press(&mut harness, egui::Key::P);
-    let open: Vec<u32> = harness.state().state.previews.iter().map(|preview| preview.vehicle.0).collect();
-    assert_eq!(open, [1, 4]);
-}
-
-#[test]
 fn what_stands_in_the_bar_stays_where_it_is_while_numbers_change() {
     let mut harness = with(6);
     let mut places = Vec::new();
-    for (phase, factor, time_s) in [
-        (RunPhase::Paused, 0.0, 2.5),
-        (RunPhase::Running, 0.98, 9.99),
-        (RunPhase::Running, 12.3, 10.0),
-        (RunPhase::Running, 451.2, 234.5),
-        (RunPhase::Over, 0.0, 30.0),
+    for (phase, factor, time_s, hours) in [
+        (RunPhase::Paused, 0.0, 2.5, 12.0),
+        (RunPhase::Running, 0.98, 9.99, 16.5),
+        (RunPhase::Running, 12.3, 10.0, 22.0),
+        (RunPhase::Running, 451.2, 234.5, 8.0),
+        (RunPhase::Over, 0.0, 3000.0, 17.6),
     ] {
         let desk = harness.state_mut();
         (desk.run_state.phase, desk.run_state.real_time_factor) = (phase, factor);
+        desk.state.look.hours = hours;
         desk.change(|now| now.time_s = time_s);
         harness.run_steps(3);
         let left = |label: &str| harness.get_by_label(label).rect().left();
@@ -256,7 +244,7 @@ fn a_number_is_the_same_wherever_it_is_told() {
 #[test]
 fn panels_do_not_grow_by_themselves() {
     let mut harness = with(500);
-    let edge = |harness: &Harness<'static, Desk>| harness.get_by_label("Previews").rect().left();
+    let edge = |harness: &Harness<'static, Desk>| harness.get_by_label("Status").rect().left();
     let city = |harness: &Harness<'static, Desk>| {
         harness.state().state.pictures.iter().find(|p| p.slot == PictureSlot::City).unwrap().view.extent
     };
@@ -272,7 +260,7 @@ fn panels_do_not_grow_by_themselves() {
 
 #[test]
 fn statuses_of_trouble_are_shown_and_explained() {
-    for (status, label) in [(Status::LinkLost, "link lost"), (Status::Collided, "collided")] {
+    for (status, label) in [(Status::LinkLost, "no command"), (Status::Collided, "collided")] {
         let mut desk = Desk::with(fleet(1));
         desk.change(|now| now.vehicles[0].status = status);
         desk.state.toggle_preview(VehicleId(1));
@@ -281,7 +269,7 @@ fn statuses_of_trouble_are_shown_and_explained() {
         press(&mut harness, egui::Key::F1);
         harness.run_steps(10);
         let count = |text: &'static str| harness.query_all_by_label_contains(text).count();
-        assert!(count("No trajectory for longer than the link timeout") > 0);
+        assert!(count("No command for longer than the link timeout") > 0);
         assert!(count("Has hit something") > 0);
         press(&mut harness, egui::Key::Escape);
         harness.run_steps(10);
@@ -296,12 +284,12 @@ fn escape_closes_a_menu_and_only_then_lets_go_of_the_vehicle() {
     harness.run_steps(2);
     click(&mut harness, "Simulated seconds per second (+ and -)");
     harness.run_steps(2);
-    assert!(harness.query_by_label("fastest").is_some(), "the menu is open");
+    assert!(harness.query_by_label("as fast as possible").is_some(), "the menu is open");
     press(&mut harness, egui::Key::Escape);
     harness.run_steps(2);
     let selected = |harness: &Harness<'static, Desk>| harness.state().state.selection.vehicle;
     assert_eq!(
-        (harness.query_by_label("fastest").is_some(), selected(&harness)),
+        (harness.query_by_label("as fast as possible").is_some(), selected(&harness)),
         (false, Some(VehicleId(2)))
     );
     press(&mut harness, egui::Key::Escape);
@@ -314,7 +302,7 @@ fn the_bar_starts_pauses_steps_and_resets() {
     click(&mut harness, "\u{25b6} Start");
     click(&mut harness, "\u{23ed} Step");
     click(&mut harness, "\u{27f2} Reset");
-    harness.get_by_label("  2.50 s");
+    harness.get_by_label("   2.50 s");
     harness.get_by_label("paused");
     let orders = |harness: &Harness<'static, Desk>| harness.state().actions.clone();
     assert_eq!(orders(&harness), [Order::Start, Order::Step, Order::Reset].map(UiAction::Order));
@@ -368,8 +356,8 @@ fn a_preview_tells_pedals_and_asks_for_its_picture() {
         harness.get_by_label(label);
     }
     let slots: Vec<PictureSlot> = harness.state().state.pictures.iter().map(|picture| picture.slot).collect();
-    assert_eq!(slots, [PictureSlot::Preview(VehicleId(2)), PictureSlot::City]);
-    let picture = harness.state().state.pictures[0];
+    assert_eq!(slots, [PictureSlot::City, PictureSlot::Preview(VehicleId(2))]);
+    let picture = harness.state().state.pictures[1];
     assert_eq!(picture.view.carrier, Some(VehicleId(2)));
     click(&mut harness, "Drive");
     assert_eq!(harness.state().actions, [UiAction::Drive(VehicleId(2))]);
@@ -438,7 +426,8 @@ fn a_live_run_has_a_list_of_events_and_a_way_to_the_last_collision() {
     click(&mut harness, "1 collision");
     let state = &harness.state().state;
     assert_eq!((state.selection.vehicle, state.viewpoint.follow), (Some(VehicleId(2)), Some(VehicleId(2))));
-    assert_eq!(harness.state().actions, [], "a live run does not seek");
+    let shown = UiAction::PlaybackCommand(PlaybackCommand::Show(2.5));
+    assert_eq!(harness.state().actions, [shown], "when it happened");
     press(&mut harness, egui::Key::F3);
     harness.get_by_label("4 of 4");
     harness.state_mut().state.events.filter = "merge".to_owned();
@@ -504,7 +493,7 @@ fn a_vehicle_that_leaves_takes_nothing_down_with_it() {
     harness.run_steps(3);
     harness.get_by_label("Vehicle 2 is no longer in the city.");
     assert_eq!((harness.state().state.selection.vehicle, harness.state().state.driven()), (None, None));
-    click(&mut harness, "Close");
+    click(&mut harness, "Close preview");
     assert_eq!(harness.state().state.previews, []);
 }
 
@@ -514,16 +503,16 @@ fn who_sits_at_the_wheel_is_told_why_the_car_does_not_go() {
     desk.state.driving = Some(ManualDrive::take_over(VehicleId(1), 1, 0.0));
     let mut harness = harness(desk);
     for (phase, status, told) in [
-        (RunPhase::Paused, Status::Manual, Some("The experiment is not running")),
+        (RunPhase::Paused, Status::Manual, Some("Paused: Space")),
         (RunPhase::Running, Status::Manual, None),
         (RunPhase::Running, Status::Collided, Some("Collided")),
-        (RunPhase::Over, Status::Manual, Some("The scenario is over")),
+        (RunPhase::Over, Status::Manual, Some("The run has finished")),
     ] {
         let desk = harness.state_mut();
         desk.run_state.phase = phase.clone();
         desk.change(|now| now.vehicles[0].status = status);
         harness.run_steps(3);
-        for text in ["The experiment is not running", "Collided:", "The scenario is over"] {
+        for text in ["Paused: Space", "Collided:", "The run has finished"] {
             let is_there = harness.query_by_label_contains(text).is_some();
             assert_eq!(
                 is_there,
@@ -532,7 +521,7 @@ fn who_sits_at_the_wheel_is_told_why_the_car_does_not_go() {
             );
         }
     }
-    click(&mut harness, "\u{25b6} Go on");
+    click(&mut harness, "\u{25b6} Continue");
     assert_eq!(harness.state().actions.last(), Some(&UiAction::Order(Order::Start)));
 }
 
@@ -542,8 +531,8 @@ fn the_help_sheet_stays_in_a_small_window_and_scrolls() {
     harness.set_size(egui::vec2(600.0, 420.0));
     press(&mut harness, egui::Key::F1);
     harness.run_steps(10);
-    for text in ["take the wheel, give it back", "start, pause"] {
-        let rect = harness.get_by_label_contains(text).rect();
+    for text in ["Take control of the selected vehicle", "Start, pause or continue the run"] {
+        let rect = harness.get_by_label(text).rect();
         assert!(rect.left() >= 0.0 && rect.right() <= 600.0, "{text} at {rect:?}");
     }
     // What does not fit can be scrolled to.

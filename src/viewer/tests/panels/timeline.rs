@@ -18,7 +18,7 @@ const HEAD: Playhead = Playhead {
     speed: 1.0,
 };
 
-fn mark(time_s: f64, vehicle: u32, kind: EventKind) -> TimelineMark {
+pub fn mark(time_s: f64, vehicle: u32, kind: EventKind) -> TimelineMark {
     TimelineMark { time_s, vehicle: VehicleId(vehicle), what: Occurrence::Event(kind) }
 }
 
@@ -66,7 +66,7 @@ fn the_buttons_say_where_to_go() {
     harness.get_by_label("Replay of straight");
     for label in [
         "\u{25b6} Play",
-        "\u{25c0} Back",
+        "\u{25c0} Backward",
         "\u{23f4} Step",
         "Step \u{23f5}",
         "\u{23ee}",
@@ -99,7 +99,7 @@ fn the_buttons_say_where_to_go() {
     harness.run_steps(2);
     harness.get_by_value("\u{2212}2x");
     click(&mut harness, "\u{23f8} Pause");
-    click(&mut harness, "\u{25c0} Back");
+    click(&mut harness, "\u{25c0} Backward");
     assert_eq!(cues(&harness), [PlaybackCommand::Pause, PlaybackCommand::Pause]);
 }
 
@@ -153,9 +153,9 @@ fn what_means_nothing_in_a_replay_is_not_shown() {
     }
     press(&mut harness, egui::Key::F1);
     harness.run_steps(5);
-    assert!(harness.query_by_label("play backwards").is_some());
-    assert!(harness.query_by_label("take the wheel, give it back").is_none());
-    assert!(harness.query_by_label_contains("give back").is_none());
+    assert!(harness.query_by_label("Play backward").is_some());
+    assert!(harness.query_by_label("Take control of the selected vehicle").is_none());
+    assert!(harness.query_by_label_contains("Release the vehicle").is_none());
 }
 
 #[test]

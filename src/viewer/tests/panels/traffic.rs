@@ -1,6 +1,6 @@
 //! The panel Traffic: what a run costs while it goes on, and the time-space diagram.
 
-use super::desk::{Desk, click, harness, press};
+use super::desk::{Desk, harness, press};
 use city3d_protocol::snapshot::VehicleId;
 use city3d_simulation::runner::Run;
 use city3d_simulation::scenario::{Library, Overrides, read_experiment};
@@ -28,9 +28,10 @@ fn roundabout(seconds: u32) -> Desk {
 #[test]
 fn the_panel_has_the_numbers_of_the_run() {
     let mut harness = harness(roundabout(15));
-    assert!(harness.query_by_label("Flow /h").is_none());
-    click(&mut harness, "Traffic");
-    for label in ["Flow /h", "City", "Measured since 0.0 s.", "Least time to collision", "Fuel, cruise term"]
+    assert!(harness.query_by_label("Flow (/h)").is_none());
+    press(&mut harness, egui::Key::F4);
+    for label in
+        ["Flow (/h)", "City", "Measured since 0.0 s.", "Least time to collision", "Fuel, cruise term"]
     {
         assert!(harness.query_by_label(label).is_some(), "{label}");
     }
@@ -42,7 +43,7 @@ fn the_panel_has_the_numbers_of_the_run() {
     let stops = measures.trips().stops.to_string();
     assert!(stops != "0" && harness.query_all_by_label(&stops).count() > 0, "{stops}");
     press(&mut harness, egui::Key::F4);
-    assert!(harness.query_by_label("Flow /h").is_none());
+    assert!(harness.query_by_label("Flow (/h)").is_none());
 }
 
 #[test]

@@ -241,3 +241,75 @@ fn dragging_takes_the_ground_along_and_zooming_brings_it_nearer() {
         assert!(far > near);
     }
 }
+
+/// Cars all over a city, most of them in its north-east.
+fn scattered() -> FrameSnapshot {
+    let mut seen = snapshot(0.0);
+    let mut add = |id, x, y| {
+        let position = DVec3::new(x, y, 0.0);
+        seen.vehicles.push(VehicleState { id: VehicleId(id), position, ..seen.vehicles[0].clone() });
+    };
+    for k in 0..12 {
+        let k = f64::from(k);
+        add(10 + k as u32, -170.0 + 30.0 * k, -150.0 + 7.0 * k);
+        add(40 + k as u32, 60.0 + 3.0 * k, 50.0 + 2.0 * k);
+    }
+    seen
+}
+
+#[test]
+fn the_first_picture_of_a_large_city_shows_vehicles_large_enough_to_be_seen_moving() {
+    let (text, library) = city3d_simulation::scenario::Library::scenario("city").unwrap();
+    let read = city3d_simulation::scenario::read_experiment("city", &text, &library, Default::default());
+    let (map, seen, extent) = (read.unwrap().city_map, scattered(), [850, 620]);
+    let mut viewpoint = Viewpoint::around(&seen);
+    viewpoint.begin(&seen, &map, &[]);
+    viewpoint.show_whole(&seen, extent, &[]);
+    let view = viewpoint.view(&seen, extent);
+    let length = |at: DVec3| {
+        let [rear, front] = [-2.5, 2.5].map(|x| view.project(at + DVec3::new(x, 0.0, 0.7)).unwrap());
+        (front - rear).length()
+    };
+    let is_inside =
+        |at: DVec3| view.project(at).is_some_and(|p| p.min_element() > 0.0 && p.x < 850.0 && p.y < 620.0);
+    let inside: Vec<DVec3> = seen.vehicles.iter().map(|v| v.position).filter(|at| is_inside(*at)).collect();
+    assert!(inside.len() >= 12, "the crowd is seen: {}", inside.len());
+    let longest = inside.into_iter().map(length).fold(0.0, f64::max);
+    assert!(longest > 25.0, "{longest} pixels");
+    // All vehicles are still one key away, and what the user has moved stays.
+    let near_m = viewpoint.distance_m;
+    viewpoint.frame_all(&seen);
+    viewpoint.begin(&seen, &map, &[]);
+    viewpoint.show_whole(&seen, extent, &[]);
+    assert!(viewpoint.distance_m > 1.5 * near_m, "{} {near_m}", viewpoint.distance_m);
+}
+
+#[test]
+fn without_vehicles_the_first_picture_shows_where_they_will_come() {
+    let (text, library) = city3d_simulation::scenario::Library::scenario("intersection").unwrap();
+    let read =
+        city3d_simulation::scenario::read_experiment("intersection", &text, &library, Default::default());
+    let experiment = read.unwrap();
+    let zones = crate::ui::ControlZoneArea::all(&experiment);
+    let empty = FrameSnapshot::default();
+    let eye_and_distance = |zones: &[crate::ui::ControlZoneArea]| {
+        let mut viewpoint = Viewpoint::around(&empty);
+        viewpoint.begin(&empty, &experiment.city_map, zones);
+        viewpoint.show_whole(&empty, [850, 620], &[]);
+        (
+            viewpoint.target.truncate().distance(zones.first().map_or(DVec2::ZERO, |zone| zone.middle)),
+            viewpoint.distance_m,
+        )
+    };
+    let (off_m, near_m) = eye_and_distance(&zones);
+    let (_, far_m) = eye_and_distance(&[]);
+    assert!(off_m < 30.0 && near_m < 130.0 && far_m > near_m, "{off_m} {near_m} {far_m}");
+    // The first two that have come are far from it, and from one another.
+    let mut seen = snapshot(-150.0);
+    let position = DVec3::new(0.0, 160.0, 0.0);
+    seen.vehicles.push(VehicleState { id: VehicleId(4), position, ..seen.vehicles[0].clone() });
+    let mut viewpoint = Viewpoint::around(&seen);
+    viewpoint.begin(&seen, &experiment.city_map, &zones);
+    viewpoint.show_whole(&seen, [850, 620], &[]);
+    assert!(viewpoint.target.truncate().distance(zones[0].middle) < 30.0, "{:?}", viewpoint.target);
+}

@@ -1,0 +1,392 @@
+//! Quantities of vehicles over time: one figure for several vehicles.
+
+use super::chart::{ChartLine, Figure, LegendEntry, LineStyle, PALETTE, Panel};
+use super::run::Trace;
+use super::table::{TidyTable, number};
+use city3d_geometry::LengthScale;
+use city3d_roadmap::LaneId;
+use std::collections::BTreeMap;
+
+/// A leader farther ahead than this is not followed, city metres.
+const FOLLOWED_M: f64 = 100.0;
+/// Below this speed a time headway means nothing, city m/s.
+const LEAST_SPEED_MPS: f64 = 0.5;
+
+/// A quantity of a vehicle over time.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Quantity {
+    /// Along the heading; negative in reverse.
+    #[default]
+    Speed,
+    /// Along the heading.
+    Acceleration,
+    /// Front-axle centre from the desired path, left-positive.
+    LateralError,
+    /// Steering angle, left-positive.
+    Steering,
+    /// Rate of the heading, counter-clockwise.
+    YawRate,
+    /// Accelerator pedal.
+    Gas,
+    /// Brake pedal.
+    Brake,
+    /// Distance driven.
+    Distance,
+    /// To the vehicle ahead on the same lanes, bumper to bumper.
+    Gap,
+    /// Time until the front bumper is where the vehicle ahead has its rear bumper.
+    Headway,
+}
+
+/// In which metres a figure is.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum FigureScale {
+    /// Full scale, with speeds in km/h.
+    #[default]
+    City,
+    /// Of the laboratory, as `city3d plot` draws.
+    Laboratory,
+}
+
+impl Quantity {
+    /// All quantities.
+    pub const ALL: [Self; 10] = [
+        Self::Speed,
+        Self::Acceleration,
+        Self::Gap,
+        Self::Headway,
+        Self::LateralError,
+        Self::Steering,
+        Self::YawRate,
+        Self::Gas,
+        Self::Brake,
+        Self::Distance,
+    ];
+
+    /// Its name.
+    pub fn label(self) -> &'static str {
+        match self {
+            Self::Speed => "Speed",
+            Self::Acceleration => "Acceleration",
+            Self::LateralError => "Lateral error",
+            Self::Steering => "Steering angle",
+            Self::YawRate => "Yaw rate",
+            Self::Gas => "Gas",
+            Self::Brake => "Brake",
+            Self::Distance => "Distance",
+            Self::Gap => "Gap",
+            Self::Headway => "Time headway",
+        }
+    }
+
+    /// Whether it follows from the lanes of all vehicles, to which their traces have to be matched.
+    pub fn needs_lanes(self) -> bool {
+        matches!(self, Self::Gap | Self::Headway)
+    }
+
+    /// Whether poses alone do not tell it.
+    pub fn needs_control_data(self) -> bool {
+        matches!(self, Self::LateralError | Self::Steering | Self::Gas | Self::Brake)
+    }
+
+    /// Unit on the axis, and its factor over SI units of that scale.
+    fn unit(self, scale: FigureScale) -> (&'static str, f64) {
+        let is_city = scale == FigureScale::City;
+        match self {
+            Self::Speed if is_city => ("km/h", 3.6),
+            Self::Speed => ("m/s", 1.0),
+            Self::Acceleration => ("m/s\u{b2}", 1.0),
+            Self::LateralError if is_city => ("cm", 100.0),
+            Self::LateralError => ("mm", 1000.0),
+            Self::Steering => ("\u{b0}", 180.0 / std::f64::consts::PI),
+            Self::YawRate => ("\u{b0}/s", 180.0 / std::f64::consts::PI),
+            Self::Gas | Self::Brake => ("", 1.0),
+            Self::Distance | Self::Gap => ("m", 1.0),
+            Self::Headway => ("s", 1.0),
+        }
+    }
+
+    /// Column of a table, SI units.
+    fn column(self) -> &'static str {
+        match self {
+            Self::Speed => "speed_mps",
+            Self::Acceleration => "acceleration_mps2",
+            Self::LateralError => "lateral_error_m",
+            Self::Steering => "steering_rad",
+            Self::YawRate => "yaw_rate_radps",
+            Self::Gas => "gas",
+            Self::Brake => "brake",
+            Self::Distance => "distance_m",
+            Self::Gap => "gap_m",
+            Self::Headway => "headway_s",
+        }
+    }
+
+    fn is_length(self) -> bool {
+        matches!(self, Self::Speed | Self::Acceleration | Self::LateralError | Self::Distance | Self::Gap)
+    }
+
+    /// What a figure says of it.
+    fn note(self) -> &'static str {
+        match self {
+            Self::Speed => "Along the heading.",
+            Self::Acceleration => "Along the heading.",
+            Self::LateralError => "Front-axle centre from its desired path, positive to the left.",
+            Self::Steering => "Of the front axle's middle, positive to the left.",
+            Self::YawRate => "Counter-clockwise seen from above.",
+            Self::Gas | Self::Brake => "1 is a pedal that is fully down.",
+            Self::Distance => "Driven since the start.",
+            Self::Gap => "Bumper to bumper to the next vehicle ahead on the lanes that were driven.",
+            Self::Headway => {
+                "Gap to the next vehicle ahead on the lanes that were driven, over the own speed."
+            }
+        }
+    }
+
+    /// Values of a trace over time in SI units at full scale; NaN where there is none. `all`: every trace of the run,
+    /// matched to lanes where the quantity needs them.
+    fn values(self, trace: &Trace, all: &[Trace]) -> Vec<(f64, f64)> {
+        let direct = |of: fn(&super::run::TraceSample) -> f64| {
+            trace.samples.iter().map(|sample| (sample.time_s, of(sample))).collect()
+        };
+        match self {
+            Self::Speed => direct(|sample| sample.speed_mps),
+            Self::Acceleration => direct(|sample| sample.acceleration_mps2),
+            Self::LateralError => direct(|sample| sample.lateral_error_m),
+            Self::Steering => direct(|sample| sample.steering_rad),
+            Self::YawRate => direct(|sample| sample.yaw_rate_radps),
+            Self::Gas => direct(|sample| sample.gas),
+            Self::Brake => direct(|sample| sample.brake),
+            Self::Distance => direct(|sample| sample.distance_m),
+            Self::Gap => gaps(trace, all),
+            Self::Headway => gaps(trace, all)
+                .into_iter()
+                .zip(&trace.samples)
+                .map(|((time_s, gap_m), sample)| match sample.speed_mps {
+                    speed_mps if speed_mps > LEAST_SPEED_MPS => (time_s, gap_m / speed_mps),
+                    _ => (time_s, f64::NAN),
+                })
+                .collect(),
+        }
+    }
+}
+
+/// Where a vehicle was: place of its sample, its lane, and its front bumper along that lane.
+#[derive(Clone, Copy)]
+struct LaneStation {
+    sample: usize,
+    lane: LaneId,
+    front_m: f64,
+}
+
+/// Gap to the next vehicle ahead on the lanes of a trace at each of its samples, city metres.
+fn gaps(trace: &Trace, all: &[Trace]) -> Vec<(f64, f64)> {
+    let mut starts: BTreeMap<LaneId, Vec<f64>> = BTreeMap::new();
+    for visit in &trace.track.visits {
+        starts.entry(visit.lane).or_default().push(visit.start_m);
+    }
+    let mut gaps = vec![f64::NAN; trace.samples.len()];
+    for other in all.iter().filter(|other| other.id != trace.id) {
+        let mut next = 0;
+        for station in stations(other).filter(|station| starts.contains_key(&station.lane)) {
+            let time_s = other.samples[station.sample].time_s;
+            while trace.samples.get(next).is_some_and(|sample| sample.time_s < time_s - 1e-6) {
+                next += 1;
+            }
+            let is_same = trace.samples.get(next).is_some_and(|sample| (sample.time_s - time_s).abs() < 1e-6);
+            let own_m = trace.track.stations_m.get(next).filter(|_| is_same);
+            let Some(_) = own_m.filter(|own_m| own_m.is_finite()) else { continue };
+            let own_front_m = trace.front_m(next);
+            for start_m in &starts[&station.lane] {
+                let gap_m = start_m + station.front_m - other.dimensions.length_m - own_front_m;
+                let is_ahead = gap_m > -other.dimensions.length_m && gap_m < FOLLOWED_M;
+                if is_ahead && (gaps[next].is_nan() || gap_m < gaps[next]) {
+                    gaps[next] = gap_m;
+                }
+            }
+        }
+    }
+    trace.samples.iter().map(|sample| sample.time_s).zip(gaps).collect()
+}
+
+/// The lanes of a trace, sample by sample.
+fn stations(trace: &Trace) -> impl Iterator<Item = LaneStation> {
+    let ahead_m = (trace.dimensions.length_m - trace.dimensions.wheelbase_m) / 2.0;
+    let of = move |(sample, station_m): (usize, &f64)| {
+        let visits = &trace.track.visits;
+        let visit = visits.partition_point(|visit| visit.start_m <= *station_m).checked_sub(1)?;
+        let front_m = station_m - visits[visit].start_m + ahead_m;
+        Some(LaneStation { sample, lane: visits[visit].lane, front_m })
+    };
+    trace.track.stations_m.iter().enumerate().filter(|(_, station_m)| station_m.is_finite()).filter_map(of)
+}
+
+/// What a figure of a quantity over time shows.
+#[derive(Clone, Debug)]
+pub struct SeriesFigure<'a> {
+    /// The quantity.
+    pub quantity: Quantity,
+    /// In which metres.
+    pub scale: FigureScale,
+    /// City metres for one laboratory metre.
+    pub length_scale: LengthScale,
+    /// Name of the scenario.
+    pub scenario: &'a str,
+    /// Simulated times of its left and right end, seconds.
+    pub span_s: (f64, f64),
+    /// The vehicles, from first to last in the legend.
+    pub shown: Vec<&'a Trace>,
+    /// Every trace of the run, matched to lanes where the quantity needs them.
+    pub all: &'a [Trace],
+}
+
+impl SeriesFigure<'_> {
+    /// The figure; its table is left empty unless it is asked for.
+    pub fn draw(&self, with_table: bool) -> Figure {
+        let Self { quantity, scale, .. } = *self;
+        let (unit, factor) = quantity.unit(scale);
+        let in_unit = if unit.is_empty() { String::new() } else { format!(" [{unit}]") };
+        let metres = match scale {
+            FigureScale::Laboratory if quantity.is_length() => self.length_scale.lab_from_city(1.0),
+            _ => 1.0,
+        };
+        let mut panel = Panel {
+            x_label: "Time [s]".to_owned(),
+            y_label: format!("{}{in_unit}", quantity.label()),
+            ..Panel::default()
+        };
+        let mut table = TidyTable::new(&["vehicle", "name", "time_s", quantity.column()]);
+        let mut legend = Vec::new();
+        let within = |&(time_s, _): &(f64, f64)| (self.span_s.0..=self.span_s.1).contains(&time_s);
+        for (place, trace) in self.shown.iter().enumerate() {
+            let stroke = LineStyle::solid(PALETTE[place % PALETTE.len()]);
+            let values: Vec<(f64, f64)> = quantity
+                .values(trace, self.all)
+                .into_iter()
+                .filter(within)
+                .map(|(time_s, value)| (time_s, value * metres))
+                .collect();
+            if with_table {
+                let row = |&(time_s, value): &(f64, f64)| {
+                    let (id, name) = (trace.id.to_string(), trace.name.clone());
+                    vec![id, name, number(time_s, 3), number(value, 6)]
+                };
+                table.rows.extend(values.iter().map(row));
+            }
+            let points = values.into_iter().map(|(time_s, value)| (time_s, value * factor)).collect();
+            panel.lines.push(ChartLine { points, stroke });
+            legend.push(LegendEntry { name: format!("{} {}", trace.id, trace.name), stroke });
+        }
+        panel.fit(&[self.span_s.0, self.span_s.1], &[0.0]);
+        let frame = match scale {
+            FigureScale::City => "Full scale.",
+            FigureScale::Laboratory => "Laboratory metres.",
+        };
+        let frame = if quantity.is_length() { frame } else { "" };
+        Figure {
+            name: quantity.label().to_lowercase().replace(' ', "_"),
+            title: format!("{}: {}", self.scenario, quantity.label().to_lowercase()),
+            panels: vec![panel],
+            columns: 1,
+            row_height: 0.5,
+            legend,
+            scale: None,
+            note: format!("{} {frame}", quantity.note()).trim_end().to_owned(),
+            table,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::run::TraceBuilder;
+    use super::*;
+    use crate::record::LogOrigin;
+    use city3d_simulation::runner::Run;
+    use city3d_simulation::scenario::{Library, Overrides, read_experiment};
+    use std::sync::Arc;
+
+    /// Two cars on one lane, one behind the other.
+    fn followers() -> (Run, Vec<Trace>) {
+        let (text, library) = Library::scenario("straight").unwrap();
+        let experiment = read_experiment("straight", &text, &library, Overrides::default()).unwrap();
+        let mut run = Run::new(Arc::new(experiment)).unwrap();
+        let mut builder = TraceBuilder::new(Arc::clone(run.experiment()));
+        for _ in 0..80 {
+            for vehicle in &run.snapshot().vehicles {
+                builder.see(run.snapshot().time_s, vehicle);
+            }
+            (0..10).for_each(|_| _ = run.step());
+        }
+        let traces = builder.finish(LogOrigin::Run).vehicles;
+        (run, traces)
+    }
+
+    fn figure(quantity: Quantity, scale: FigureScale, run: &Run, traces: &[Trace]) -> Figure {
+        let shown = traces.iter().collect();
+        let length_scale = run.experiment().scale;
+        let span_s = (0.0, 8.0);
+        SeriesFigure { quantity, scale, length_scale, scenario: "straight", span_s, shown, all: traces }
+            .draw(true)
+    }
+
+    #[test]
+    fn gap_and_headway_are_those_between_the_bumpers() {
+        let (run, traces) = followers();
+        assert!(traces.len() >= 2, "one follows another");
+        let figure = figure(Quantity::Gap, FigureScale::City, &run, &traces);
+        assert_eq!(figure.panels[0].y_label, "Gap [m]");
+        let mut checked = 0;
+        for (line, trace) in figure.panels[0].lines.iter().zip(&traces) {
+            for (&(time_s, gap_m), sample) in line.points.iter().zip(&trace.samples) {
+                // All go along the same straight lane: distances between middles less a length are gaps.
+                let ahead = traces.iter().filter(|other| other.id != trace.id).filter_map(|other| {
+                    let there = other.samples.iter().find(|there| there.time_s == time_s)?;
+                    let along_m = (there.pose.position - sample.pose.position).dot(sample.pose.forward());
+                    let half_m = (other.dimensions.length_m + trace.dimensions.length_m) / 2.0;
+                    (along_m > 0.0).then_some(along_m - half_m)
+                });
+                let nearest_m = ahead.fold(f64::INFINITY, f64::min);
+                if gap_m.is_finite() {
+                    assert!((gap_m - nearest_m).abs() < 0.3, "{time_s}: {gap_m}, {nearest_m} m");
+                    checked += 1;
+                }
+            }
+        }
+        assert!(checked > 40, "{checked}");
+        let leads = figure.panels[0].lines.iter().filter(|line| line.points.iter().all(|p| p.1.is_nan()));
+        assert_eq!(leads.count(), 1, "who leads follows nobody");
+    }
+
+    #[test]
+    fn speeds_are_those_of_the_traces_in_the_units_of_the_axis_and_in_the_table() {
+        let (run, traces) = followers();
+        let city = figure(Quantity::Speed, FigureScale::City, &run, &traces);
+        let lab = figure(Quantity::Speed, FigureScale::Laboratory, &run, &traces);
+        let labels = [&city, &lab].map(|figure| figure.panels[0].y_label.clone());
+        assert_eq!(labels, ["Speed [km/h]", "Speed [m/s]"]);
+        let sample = traces[0].samples[30];
+        let [kmh, mps] = [&city, &lab].map(|figure| figure.panels[0].lines[0].points[30].1);
+        assert!((kmh - sample.speed_mps * 3.6).abs() < 1e-9 && (mps - sample.speed_mps / 25.0).abs() < 1e-9);
+        assert_eq!(city.table.columns, ["vehicle", "name", "time_s", "speed_mps"]);
+        assert_eq!(city.table.rows[30][3], number(sample.speed_mps, 6));
+        assert_eq!(city.legend.len(), traces.len());
+    }
+
+    #[test]
+    fn only_the_span_is_drawn() {
+        let (run, traces) = followers();
+        let shown = vec![&traces[0]];
+        let figure = SeriesFigure {
+            quantity: Quantity::Distance,
+            scale: FigureScale::City,
+            length_scale: run.experiment().scale,
+            scenario: "straight",
+            span_s: (3.0, 5.0),
+            shown,
+            all: &traces,
+        };
+        let times: Vec<f64> = figure.draw(false).panels[0].lines[0].points.iter().map(|p| p.0).collect();
+        assert!(times[0] >= 3.0 && times[times.len() - 1] <= 5.0 && times.len() == 21, "{times:?}");
+    }
+}

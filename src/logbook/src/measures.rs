@@ -1,0 +1,280 @@
+//! The measures of a run as its `summary.json` states them, and those of two runs side by side.
+
+use city3d_simulation::runner::Summary;
+use serde::Deserialize;
+use std::collections::BTreeMap;
+use std::io::Read;
+use std::path::{Path, PathBuf};
+use thiserror::Error;
+
+/// Largest summary that is read: a day of a busy city has less.
+const LARGEST_BYTES: u64 = 256 << 20;
+
+/// A folder whose measures cannot be read.
+#[derive(Debug, Error)]
+pub enum MeasuresError {
+    /// The folder has no summary.
+    #[error(
+        "{0}: there is no summary.json; only runs that have ended have one. Close the window or reset the run that \
+         writes it, or record it again"
+    )]
+    Missing(PathBuf),
+    /// The summary cannot be read.
+    #[error("{path}: {reason}")]
+    Unreadable {
+        /// Path of the summary.
+        path: PathBuf,
+        /// Reason of the operating system.
+        reason: std::io::Error,
+    },
+    /// The file is no summary of a run.
+    #[error("{path}: this is no summary of a run: {reason}")]
+    Damaged {
+        /// Path of the file.
+        path: PathBuf,
+        /// What is wrong with it, with its place.
+        reason: serde_json::Error,
+    },
+}
+
+/// Measures of a whole run, and of its vehicles; full-scale SI units.
+#[derive(Clone, Debug, Default, PartialEq, Deserialize)]
+pub struct RunMeasures {
+    /// Name of the scenario.
+    pub scenario: String,
+    /// Seed of the random draws.
+    pub seed: u64,
+    /// Simulated time at the end.
+    pub simulated_s: f64,
+    /// One between two vehicles counts once.
+    pub collisions: u64,
+    /// Mean over the vehicles.
+    pub mean_speed_mps: f64,
+    /// Of the whole city.
+    #[serde(default)]
+    pub traffic: CityMeasures,
+    /// By vehicle id.
+    #[serde(default)]
+    pub vehicles: BTreeMap<u32, VehicleMeasures>,
+}
+
+/// Delay, fuel and surrogate safety of the whole city; `None` where a run has no value.
+#[derive(Clone, Debug, Default, PartialEq, Deserialize)]
+#[serde(default)]
+pub struct CityMeasures {
+    /// Vehicles at the end of their routes.
+    pub arrived: Option<u64>,
+    /// Mean delay of the trips.
+    pub mean_delay_s: Option<f64>,
+    /// Time that all vehicles stood.
+    pub stood_s: Option<f64>,
+    /// Fuel of all vehicles.
+    pub fuel_ml: Option<f64>,
+    /// Least time to collision.
+    pub min_ttc_s: Option<f64>,
+    /// Least post-encroachment time.
+    pub min_pet_s: Option<f64>,
+    /// Least gap to a leader.
+    pub min_gap_m: Option<f64>,
+}
+
+/// Measures of one vehicle.
+#[derive(Clone, Debug, Default, PartialEq, Deserialize)]
+pub struct VehicleMeasures {
+    /// Name in the scenario.
+    pub name: String,
+    /// Distance driven.
+    pub distance_m: f64,
+    /// Distance over the time in the city.
+    pub mean_speed_mps: f64,
+    /// How often it came to a stop.
+    pub stops: u64,
+    /// Longest standstill.
+    pub longest_stand_s: f64,
+    /// One between two vehicles counts for both.
+    pub collisions: u64,
+}
+
+/// A measure of two runs.
+#[derive(Clone, Debug, PartialEq)]
+pub struct MeasurePair {
+    /// The measure in words.
+    pub quantity: &'static str,
+    /// Unit of the values; empty for counts.
+    pub unit: &'static str,
+    /// Digits after the point that mean something.
+    pub digits: usize,
+    /// The vehicle, where it is not a measure of the whole run.
+    pub vehicle: Option<String>,
+    /// Of the first run and the second; `None` without a value.
+    pub values: [Option<f64>; 2],
+}
+
+impl MeasurePair {
+    /// Second value minus first, where both are known.
+    pub fn difference(&self) -> Option<f64> {
+        let [first, second] = self.values;
+        Some(second? - first?)
+    }
+}
+
+const KMH: f64 = 3.6;
+
+impl RunMeasures {
+    /// The measures of a run that has just ended.
+    pub fn of(summary: &Summary) -> Self {
+        let vehicle = |vehicle: &city3d_simulation::runner::VehicleSummary| VehicleMeasures {
+            name: vehicle.name.clone(),
+            distance_m: vehicle.distance_m,
+            mean_speed_mps: vehicle.mean_speed_mps,
+            stops: vehicle.stops.into(),
+            longest_stand_s: vehicle.longest_stand_s,
+            collisions: vehicle.collisions.into(),
+        };
+        let (trips, safety) = (&summary.traffic.trips, &summary.traffic.safety);
+        Self {
+            scenario: summary.scenario.clone(),
+            seed: summary.seed,
+            simulated_s: summary.simulated_s,
+            collisions: summary.collisions as u64,
+            mean_speed_mps: summary.mean_speed_mps,
+            traffic: CityMeasures {
+                arrived: Some(summary.traffic.arrived as u64),
+                mean_delay_s: trips.mean_delay_s,
+                stood_s: Some(trips.stood_s),
+                fuel_ml: Some(summary.traffic.effort.fuel_ml),
+                min_ttc_s: safety.min_ttc_s,
+                min_pet_s: safety.min_pet_s,
+                min_gap_m: safety.min_gap_m,
+            },
+            vehicles: summary.vehicles.iter().map(|(id, of)| (*id, vehicle(of))).collect(),
+        }
+    }
+
+    /// Reads the measures of a recorded run from its folder, or beside its log.
+    ///
+    /// # Errors
+    /// Where there is no summary, or none that can be read.
+    pub fn read(run: &Path) -> Result<Self, MeasuresError> {
+        let folder = if run.is_dir() { run } else { run.parent().unwrap_or(run) };
+        let path = folder.join("summary.json");
+        if !path.is_file() {
+            return Err(MeasuresError::Missing(folder.to_path_buf()));
+        }
+        let unreadable = |reason| MeasuresError::Unreadable { path: path.clone(), reason };
+        let mut text = String::new();
+        let file = std::fs::File::open(&path).map_err(unreadable)?;
+        file.take(LARGEST_BYTES).read_to_string(&mut text).map_err(unreadable)?;
+        serde_json::from_str(&text).map_err(|reason| MeasuresError::Damaged { path: path.clone(), reason })
+    }
+
+    /// Stops of all vehicles.
+    pub fn stops(&self) -> u64 {
+        self.vehicles.values().map(|vehicle| vehicle.stops).sum()
+    }
+
+    /// The measures of this run and of another: those of the whole run, then those of each vehicle that both have, by
+    /// id and name.
+    pub fn beside(&self, other: &Self) -> Vec<MeasurePair> {
+        let runs = [self, other];
+        let mut pairs = Vec::new();
+        let mut of_run = |quantity, unit, digits, value: &dyn Fn(&Self) -> Option<f64>| {
+            let values = runs.map(value);
+            if values.iter().any(Option::is_some) {
+                pairs.push(MeasurePair { quantity, unit, digits, vehicle: None, values });
+            }
+        };
+        of_run("simulated", "s", 1, &|run| Some(run.simulated_s));
+        of_run("collisions", "", 0, &|run| Some(run.collisions as f64));
+        of_run("stops", "", 0, &|run| Some(run.stops() as f64));
+        of_run("mean speed", "km/h", 1, &|run| Some(run.mean_speed_mps * KMH));
+        of_run("arrived", "", 0, &|run| run.traffic.arrived.map(|count| count as f64));
+        of_run("mean delay", "s", 1, &|run| run.traffic.mean_delay_s);
+        of_run("stood, all together", "s", 1, &|run| run.traffic.stood_s);
+        of_run("fuel", "ml", 1, &|run| run.traffic.fuel_ml);
+        of_run("least time to collision", "s", 2, &|run| run.traffic.min_ttc_s);
+        of_run("least post-encroachment time", "s", 2, &|run| run.traffic.min_pet_s);
+        of_run("least gap", "m", 2, &|run| run.traffic.min_gap_m);
+        for (id, first) in &self.vehicles {
+            if let Some(second) = other.vehicles.get(id).filter(|second| second.name == first.name) {
+                pairs.extend(first.beside(second));
+            }
+        }
+        pairs
+    }
+}
+
+impl VehicleMeasures {
+    fn beside(&self, other: &Self) -> impl Iterator<Item = MeasurePair> {
+        let runs = [self, other];
+        let pair = |quantity, unit, digits, value: fn(&Self) -> f64| MeasurePair {
+            quantity,
+            unit,
+            digits,
+            vehicle: Some(self.name.clone()),
+            values: runs.map(|run| Some(value(run))),
+        };
+        [
+            pair("mean speed", "km/h", 1, |of| of.mean_speed_mps * KMH),
+            pair("distance", "m", 1, |of| of.distance_m),
+            pair("stops", "", 0, |of| of.stops as f64),
+            pair("longest stand", "s", 1, |of| of.longest_stand_s),
+            pair("collisions", "", 0, |of| of.collisions as f64),
+        ]
+        .into_iter()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use city3d_protocol::snapshot::Event;
+    use city3d_simulation::runner::{Observer, Run};
+    use city3d_simulation::scenario::{Library, Overrides, read_experiment};
+    use std::sync::Arc;
+
+    fn summary(seed: u64) -> Summary {
+        let (text, library) = Library::scenario("straight").unwrap();
+        let overrides = Overrides { seed: Some(seed), duration_s: Some(4.0), ..Overrides::default() };
+        let experiment = Arc::new(read_experiment("straight", &text, &library, overrides).unwrap());
+        let mut run = Run::new(Arc::clone(&experiment)).unwrap();
+        let (mut observer, mut events) = (Observer::new(&experiment), Vec::<Event>::new());
+        while run.snapshot().tick < experiment.ticks() {
+            run.step();
+            observer.observe(Some(run.mainframe()), run.snapshot(), &mut events);
+        }
+        Summary::new(&experiment, &observer, run.snapshot(), events, 1.0)
+    }
+
+    #[test]
+    fn a_summary_is_read_as_it_was_written_and_compared() {
+        let folder = tempfile::tempdir().unwrap();
+        let written = summary(7);
+        let path = folder.path().join("summary.json");
+        std::fs::write(&path, serde_json::to_string_pretty(&written).unwrap()).unwrap();
+        let (known, read) = (RunMeasures::of(&written), RunMeasures::read(folder.path()).unwrap());
+        assert_eq!(known, read);
+        assert_eq!(RunMeasures::read(&folder.path().join("run.mcap")).unwrap(), read);
+        let mut other = read.clone();
+        other.collisions = 3;
+        other.vehicles.get_mut(&1).unwrap().mean_speed_mps += 1.0;
+        let pairs = read.beside(&other);
+        let find = |quantity: &str, vehicle: Option<&str>| {
+            let is_it = |pair: &&MeasurePair| pair.quantity == quantity && pair.vehicle.as_deref() == vehicle;
+            pairs.iter().find(is_it).unwrap()
+        };
+        assert_eq!(find("collisions", None).values, [Some(0.0), Some(3.0)]);
+        let name = read.vehicles[&1].name.as_str();
+        assert!((find("mean speed", Some(name)).difference().unwrap() - 3.6).abs() < 1e-9);
+    }
+
+    #[test]
+    fn folders_without_a_summary_say_so() {
+        let folder = tempfile::tempdir().unwrap();
+        let said = RunMeasures::read(folder.path()).unwrap_err().to_string();
+        assert!(said.contains("there is no summary.json"), "{said}");
+        std::fs::write(folder.path().join("summary.json"), "{ \"scenario\": 7 }").unwrap();
+        let said = RunMeasures::read(folder.path()).unwrap_err().to_string();
+        assert!(said.contains("no summary of a run") && said.contains("line 1"), "{said}");
+    }
+}

@@ -1,0 +1,305 @@
+//! Looking back in a run that goes on: its past states are played like a log, while the city drives on.
+
+use super::playhead::{FrameTimer, PlaybackCommand, Playhead, SeekTarget, TIME_TOLERANCE_S};
+use crate::{PastState, RunHistory, RunState};
+use city3d_simulation::scenario::Experiment;
+use std::sync::Arc;
+use std::time::Instant;
+
+/// A seek this close to the present shows the present, seconds.
+const PRESENT_S: f64 = 0.02;
+
+/// Plays the past of a run, or follows the present.
+#[derive(Debug)]
+pub struct PastPlayer {
+    /// `None` while the present is shown.
+    head: Option<Playhead>,
+    /// The run that the playhead is in: a reset begins another one.
+    run: u32,
+    ticker: FrameTimer,
+    /// What was shown last: states that need not be built again.
+    shown: Option<ShownPair>,
+}
+
+/// Two successive past states, and the state of the run that shows them.
+#[derive(Debug)]
+struct ShownPair {
+    states: [Arc<PastState>; 2],
+    run_state: Arc<RunState>,
+}
+
+impl Default for PastPlayer {
+    fn default() -> Self {
+        Self { head: None, run: 0, ticker: FrameTimer::stopped(), shown: None }
+    }
+}
+
+impl PastPlayer {
+    /// Whether the past is shown, not the present.
+    pub fn is_past(&self) -> bool {
+        self.head.is_some()
+    }
+
+    /// Shows the present again.
+    pub fn go_live(&mut self) {
+        (self.head, self.shown) = (None, None);
+        self.ticker.stop();
+    }
+
+    /// The playhead; in the present, it stands at the end of the history.
+    pub fn head(&self, live: &RunState, history: &RunHistory) -> Playhead {
+        let end_s = live.now.time_s;
+        let from_s = history.states().first().map_or(end_s, |first| first.time_s().min(end_s));
+        match self.head {
+            Some(head) => Playhead { from_s, to_s: end_s.max(from_s), ..head },
+            None => {
+                let before_s = live.before.time_s;
+                Playhead { at_s: end_s, before_s, ..Playhead::new(from_s, end_s) }
+            }
+        }
+    }
+
+    /// Applies a transport command. From the present, a seek, a step back and playing backwards lead into the past.
+    pub fn command(&mut self, command: PlaybackCommand, live: &RunState, history: &RunHistory) {
+        let mut head = self.head(live, history);
+        let leads_back = match command {
+            PlaybackCommand::Live => return self.go_live(),
+            PlaybackCommand::Seek(_) | PlaybackCommand::Show(_) | PlaybackCommand::Reverse => true,
+            PlaybackCommand::Step { forward } => !forward,
+            PlaybackCommand::Play | PlaybackCommand::Pause | PlaybackCommand::Speed(_) => false,
+        };
+        if history.states().is_empty() || (self.head.is_none() && !leads_back) {
+            return;
+        }
+        self.run = live.run;
+        if let (None, PlaybackCommand::Reverse, Some(last)) = (self.head, command, history.states().last()) {
+            head.at_s = last.time_s();
+        }
+        let is_at_end = head.is_at_end();
+        let target = head.apply(command);
+        if !head.is_playing {
+            self.ticker.stop();
+        }
+        match (command, target) {
+            // At the end of the past is the present.
+            (PlaybackCommand::Play, _) if is_at_end => return self.go_live(),
+            (PlaybackCommand::Seek(time_s) | PlaybackCommand::Show(time_s), _)
+                if time_s >= head.to_s - PRESENT_S =>
+            {
+                return self.go_live();
+            }
+            (_, Some(target)) => {
+                let place = place_of(target, history.states());
+                head.at_s = history.states()[place].time_s();
+            }
+            (_, None) => {}
+        }
+        self.head = Some(head);
+    }
+
+    /// Advances to an instant: the past state to show, and the interpolation weight between its `before` (0) and `now`
+    /// (1). `None` while the present is shown.
+    pub fn advance(
+        &mut self,
+        now: Instant,
+        live: &RunState,
+        history: &RunHistory,
+        experiment: &Experiment,
+    ) -> Option<(Arc<RunState>, f64)> {
+        self.head?;
+        let mut head = self.head(live, history);
+        let states = history.states();
+        if live.run != self.run || states.is_empty() {
+            self.go_live();
+            return None;
+        }
+        if head.is_playing {
+            head.at_s = head.after(self.ticker.pass(now));
+            if head.is_reverse && head.is_at_start() {
+                head.is_playing = false;
+                self.ticker.stop();
+            }
+        }
+        // What is thinned or not yet kept has no state of its own.
+        let next = states.partition_point(|state| state.time_s() < head.at_s - TIME_TOLERANCE_S);
+        if next == states.len() && !head.is_reverse {
+            self.go_live();
+            return None;
+        }
+        let next = next.min(states.len() - 1);
+        let pair = [&states[next.saturating_sub(1)], &states[next]].map(Arc::clone);
+        let (from_s, to_s) = (pair[0].time_s(), pair[1].time_s());
+        let weight =
+            if to_s > from_s { ((head.at_s - from_s) / (to_s - from_s)).clamp(0.0, 1.0) } else { 1.0 };
+        head.before_s = from_s;
+        self.head = Some(head);
+        Some((self.show(pair, live, experiment), weight))
+    }
+
+    /// The state of the run with past snapshots in place of the present ones.
+    fn show(
+        &mut self,
+        states: [Arc<PastState>; 2],
+        live: &RunState,
+        experiment: &Experiment,
+    ) -> Arc<RunState> {
+        let is_same = |shown: &&ShownPair| {
+            shown.states.iter().zip(&states).all(|(known, wanted)| Arc::ptr_eq(known, wanted))
+        };
+        let known = self.shown.as_ref().filter(is_same);
+        let (before, now) = match known {
+            Some(known) => (Arc::clone(&known.run_state.before), Arc::clone(&known.run_state.now)),
+            None => {
+                let [before, now] =
+                    [&states[0], &states[1]].map(|state| Arc::new(state.snapshot(experiment)));
+                (before, now)
+            }
+        };
+        // Plans are those of the present.
+        let past = RunState { before, now, clock: None, coordination: None, ..live.clone() };
+        let run_state = Arc::new(past);
+        self.shown = Some(ShownPair { states, run_state: Arc::clone(&run_state) });
+        run_state
+    }
+}
+
+/// The place of the state that a seek is for; there is at least one.
+fn place_of(target: SeekTarget, states: &[Arc<PastState>]) -> usize {
+    let last = states.len() - 1;
+    let before = |time_s: f64| states.partition_point(|state| state.time_s() < time_s);
+    match target {
+        SeekTarget::NotBefore(time_s) => before(time_s - TIME_TOLERANCE_S).min(last),
+        SeekTarget::After(time_s) => before(time_s + TIME_TOLERANCE_S).min(last),
+        SeekTarget::Before(time_s) => before(time_s - TIME_TOLERANCE_S).saturating_sub(1),
+        SeekTarget::Nearest(time_s) => {
+            let next = before(time_s).min(last);
+            let distance = |place: usize| (states[place].time_s() - time_s).abs();
+            let earlier = next.saturating_sub(1);
+            if distance(earlier) < distance(next) { earlier } else { next }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::RunPhase;
+    use city3d_simulation::runner::Run;
+    use city3d_simulation::scenario::{Library, Overrides, read_experiment};
+    use std::time::Duration;
+
+    /// A run of some seconds with its history.
+    struct Past {
+        run: Run,
+        history: RunHistory,
+        player: PastPlayer,
+        now: Instant,
+    }
+
+    impl Past {
+        fn after(ticks: u64) -> Self {
+            let (text, library) = Library::scenario("straight").unwrap();
+            let experiment = read_experiment("straight", &text, &library, Overrides::default()).unwrap();
+            let run = Run::new(Arc::new(experiment)).unwrap();
+            let mut past = Self {
+                run,
+                history: RunHistory::default(),
+                player: PastPlayer::default(),
+                now: Instant::now(),
+            };
+            past.go_on(ticks);
+            past
+        }
+
+        fn go_on(&mut self, ticks: u64) {
+            for _ in 0..ticks {
+                if self.run.snapshot().tick.is_multiple_of(10) {
+                    self.history.push(self.run.snapshot());
+                }
+                self.run.step();
+            }
+        }
+
+        fn live(&self) -> RunState {
+            RunState::standing(Arc::new(self.run.snapshot().clone()), RunPhase::Running)
+        }
+
+        fn command(&mut self, command: PlaybackCommand) {
+            let live = self.live();
+            self.player.command(command, &live, &self.history);
+        }
+
+        /// Time and first position that are shown after so many milliseconds; `None` for the present.
+        fn shown(&mut self, ms: u64) -> Option<(f64, f64)> {
+            self.now += Duration::from_millis(ms);
+            let live = self.live();
+            let experiment = Arc::clone(self.run.experiment());
+            let (state, weight) = self.player.advance(self.now, &live, &self.history, &experiment)?;
+            let mut between = state.now.as_ref().clone();
+            between.blend(&state.before, &state.now, weight);
+            Some((between.time_s, between.vehicles[0].position.x))
+        }
+    }
+
+    #[test]
+    fn one_looks_back_while_the_run_goes_on_and_comes_back() {
+        let mut past = Past::after(500);
+        assert_eq!(past.shown(0), None, "the present at first");
+        let mut reference = Run::new(Arc::clone(past.run.experiment())).unwrap();
+        (0..200).for_each(|_| _ = reference.step());
+        past.command(PlaybackCommand::Seek(2.0));
+        let (time_s, x) = past.shown(10).unwrap();
+        assert!((time_s - 2.0).abs() < 1e-9);
+        assert!((x - reference.snapshot().vehicles[0].position.x).abs() < 1e-6, "as it was then");
+        past.go_on(300);
+        assert_eq!(past.shown(10).map(|(time_s, _)| time_s), Some(2.0), "it stands while the city drives on");
+        let head = past.player.head(&past.live(), &past.history);
+        assert!((head.to_s - 8.0).abs() < 1e-9 && head.at_s == 2.0);
+        past.command(PlaybackCommand::Live);
+        assert_eq!(past.shown(10), None);
+    }
+
+    #[test]
+    fn the_past_plays_both_ways_and_ends_in_the_present() {
+        let mut past = Past::after(500);
+        past.command(PlaybackCommand::Reverse);
+        past.shown(0);
+        let times: Vec<f64> = (0..10).map(|_| past.shown(50).unwrap().0).collect();
+        assert!(times.is_sorted_by(|a, b| a > b) && (times[9] - 4.4).abs() < 0.06, "{times:?}");
+        past.command(PlaybackCommand::Step { forward: false });
+        let stepped = past.shown(50).unwrap().0;
+        assert_eq!(past.shown(50).unwrap().0, stepped, "a step pauses");
+        past.command(PlaybackCommand::Speed(5.0));
+        past.command(PlaybackCommand::Play);
+        let mut last_s = stepped;
+        let mut passes = 0;
+        while let Some((time_s, _)) = past.shown(50) {
+            assert!(time_s >= last_s);
+            (last_s, passes) = (time_s, passes + 1);
+            assert!(passes < 20, "it never comes to the present");
+        }
+        assert!(last_s > 4.5 && !past.player.is_past());
+    }
+
+    #[test]
+    fn in_the_present_only_what_leads_back_does_and_another_run_is_seen_live() {
+        let mut past = Past::after(300);
+        for command in [
+            PlaybackCommand::Play,
+            PlaybackCommand::Pause,
+            PlaybackCommand::Speed(2.0),
+            PlaybackCommand::Step { forward: true },
+            PlaybackCommand::Seek(3.0),
+            PlaybackCommand::Show(99.0),
+        ] {
+            past.command(command);
+            assert_eq!(past.shown(10), None, "{command:?}");
+        }
+        past.command(PlaybackCommand::Show(1.23));
+        assert!((past.shown(10).unwrap().0 - 1.3).abs() < 1e-9, "the first state not before it");
+        let next_run = RunState { run: 2, ..past.live() };
+        let experiment = Arc::clone(past.run.experiment());
+        assert!(past.player.advance(past.now, &next_run, &past.history, &experiment).is_none());
+        assert!(!past.player.is_past());
+    }
+}

@@ -1,0 +1,355 @@
+//! The panel Charts: quantities of several vehicles over time, and the figures of `city3d plot`, while a run goes on.
+
+use super::events::numbered_name;
+use super::{UiAction, UiState, ViewModel};
+use city3d_logbook::figures::chart::{Colour, Figure, Panel};
+use city3d_logbook::figures::{FigureScale, Quantity};
+use city3d_protocol::snapshot::VehicleId;
+use city3d_session::playback::PlaybackCommand;
+use egui::{Color32, ComboBox, RichText, Ui};
+use egui_plot::{HLine, Line, LineStyle, Plot, PlotPoints, VLine};
+
+/// What a chart shows.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ChartKind {
+    /// A quantity over time.
+    Series(Quantity),
+    /// Positions along the paths over time, coloured by speed.
+    SpaceTime,
+    /// Positions of all paths over time, aligned at the merging point.
+    Positions,
+    /// Speed against position along the first path.
+    SpeedAlongPath,
+}
+
+impl ChartKind {
+    /// The kinds that are not over time for one vehicle each.
+    const FIGURES: [Self; 3] = [Self::SpaceTime, Self::Positions, Self::SpeedAlongPath];
+
+    /// Its name.
+    pub fn label(self) -> &'static str {
+        match self {
+            Self::Series(quantity) => quantity.label(),
+            Self::SpaceTime => "Space-time diagram",
+            Self::Positions => "Positions, aligned at the merging point",
+            Self::SpeedAlongPath => "Speed along the path",
+        }
+    }
+
+    /// Whether the traces have to be matched to lanes.
+    pub fn needs_lanes(self) -> bool {
+        match self {
+            Self::Series(quantity) => quantity.needs_lanes(),
+            Self::SpaceTime | Self::Positions | Self::SpeedAlongPath => true,
+        }
+    }
+
+    /// Whether its horizontal axis is the simulated time.
+    fn is_over_time(self) -> bool {
+        self != Self::SpeedAlongPath
+    }
+}
+
+/// Time span of a chart.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum ChartSpan {
+    /// From the start.
+    #[default]
+    Whole,
+    /// The last minute.
+    Minute,
+    /// The last ten seconds.
+    TenSeconds,
+}
+
+impl ChartSpan {
+    const ALL: [Self; 3] = [Self::Whole, Self::Minute, Self::TenSeconds];
+
+    fn label(self) -> &'static str {
+        match self {
+            Self::Whole => "whole run",
+            Self::Minute => "last 60 s",
+            Self::TenSeconds => "last 10 s",
+        }
+    }
+
+    /// Its length, seconds; infinite for the whole run.
+    pub fn length_s(self) -> f64 {
+        match self {
+            Self::Whole => f64::INFINITY,
+            Self::Minute => 60.0,
+            Self::TenSeconds => 10.0,
+        }
+    }
+}
+
+/// What the user has chosen to be charted.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct ChartState {
+    /// What is shown.
+    pub kind: ChartKind,
+    /// Vehicles that stay in the chart, whichever is selected.
+    pub vehicles: Vec<VehicleId>,
+    /// How far back it shows.
+    pub span: ChartSpan,
+    /// In which metres.
+    pub scale: FigureScale,
+}
+
+impl Default for ChartState {
+    fn default() -> Self {
+        Self {
+            kind: ChartKind::Series(Quantity::Speed),
+            vehicles: Vec::new(),
+            span: ChartSpan::default(),
+            scale: FigureScale::default(),
+        }
+    }
+}
+
+/// Most vehicles in a chart where none is chosen.
+const MOST_VEHICLES: usize = 8;
+
+impl ChartState {
+    /// The vehicles of the chart: those that were chosen and the selected one, else the first of all.
+    pub fn shown(&self, selected: Option<VehicleId>, all: impl Iterator<Item = VehicleId>) -> Vec<VehicleId> {
+        let mut shown = self.vehicles.clone();
+        shown.extend(selected.filter(|id| !self.vehicles.contains(id)));
+        if shown.is_empty() { all.take(MOST_VEHICLES).collect() } else { shown }
+    }
+}
+
+/// A chart as it has been computed.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct ChartView<'a> {
+    /// The figure; `None` until it is computed, and where there is none.
+    pub figure: Option<&'a Figure>,
+    /// Why there is none.
+    pub trouble: Option<&'a str>,
+    /// It is being computed anew.
+    pub is_busy: bool,
+}
+
+/// The controls and the chart, wherever they are docked.
+pub(super) fn show(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>, actions: &mut Vec<UiAction>) {
+    ui.horizontal_wrapped(|ui| controls(ui, state, shown, actions));
+    vehicles(ui, state, shown);
+    ui.separator();
+    let needs_control_data =
+        matches!(state.charts.kind, ChartKind::Series(quantity) if quantity.needs_control_data());
+    if needs_control_data && !shown.has_control_data {
+        ui.weak("Only poses are known of this city: pedals, steering and desired paths are not.");
+        return;
+    }
+    match (shown.chart.figure, shown.chart.trouble) {
+        (Some(figure), _) => draw(ui, state, (figure, shown), actions),
+        (None, Some(trouble)) => _ = ui.label(trouble),
+        (None, None) => _ = ui.spinner(),
+    }
+}
+
+fn controls(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>, actions: &mut Vec<UiAction>) {
+    let charts = &mut state.charts;
+    ComboBox::from_id_salt("chart").selected_text(charts.kind.label()).width(150.0).height(400.0).show_ui(
+        ui,
+        |ui| {
+            for quantity in Quantity::ALL {
+                ui.selectable_value(&mut charts.kind, ChartKind::Series(quantity), quantity.label());
+            }
+            ui.separator();
+            for kind in ChartKind::FIGURES {
+                ui.selectable_value(&mut charts.kind, kind, kind.label());
+            }
+        },
+    );
+    ComboBox::from_id_salt("chart span").selected_text(charts.span.label()).width(80.0).show_ui(ui, |ui| {
+        for span in ChartSpan::ALL {
+            ui.selectable_value(&mut charts.span, span, span.label());
+        }
+    });
+    if matches!(charts.kind, ChartKind::Series(_)) {
+        let mut is_lab = charts.scale == FigureScale::Laboratory;
+        let tip = "Laboratory metres, as city3d plot draws; else full scale, as the window does";
+        if ui.checkbox(&mut is_lab, "laboratory units").on_hover_text(tip).changed() {
+            charts.scale = if is_lab { FigureScale::Laboratory } else { FigureScale::City };
+        }
+    }
+    let save = ui.add_enabled(shown.chart.figure.is_some(), egui::Button::new("Save"));
+    if save.on_hover_text("Write the chart as SVG, PNG and CSV into the working folder").clicked() {
+        actions.push(UiAction::SaveChart);
+    }
+    if shown.chart.is_busy && shown.chart.figure.is_some() {
+        ui.spinner().on_hover_text("Lanes of the vehicles are being found");
+    }
+}
+
+/// The vehicles that stay in the chart, each with a way out of it, and a way in for the selected one.
+fn vehicles(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>) {
+    let name =
+        |id: VehicleId| shown.run_state.now.info(id).map_or_else(|| format!("vehicle {id}"), numbered_name);
+    ui.horizontal_wrapped(|ui| {
+        let mut removed = None;
+        for id in &state.charts.vehicles {
+            let text = format!("{} \u{d7}", name(*id));
+            if ui.small_button(text).on_hover_text("Take it out of the chart").clicked() {
+                removed = Some(*id);
+            }
+        }
+        state.charts.vehicles.retain(|id| Some(*id) != removed);
+        let selected = state.selection.vehicle.filter(|id| !state.charts.vehicles.contains(id));
+        match selected {
+            Some(id) => {
+                let text = format!("+ Keep {}", name(id));
+                let tip = "Keep the selected vehicle in the chart when another one is selected";
+                if ui.small_button(text).on_hover_text(tip).clicked() {
+                    state.charts.vehicles.push(id);
+                }
+            }
+            None if state.charts.vehicles.is_empty() => {
+                ui.weak(format!("The first {MOST_VEHICLES} vehicles; select one to see it alone."));
+            }
+            None => {}
+        }
+    });
+}
+
+/// Draws a figure of the logbook.
+fn draw(
+    ui: &mut Ui,
+    state: &UiState,
+    (figure, shown): (&Figure, &ViewModel<'_>),
+    actions: &mut Vec<UiAction>,
+) {
+    ui.horizontal_wrapped(|ui| {
+        for key in &figure.legend {
+            let colour = on_ground(key.stroke.colour, ui.visuals().dark_mode);
+            ui.label(RichText::new(format!("\u{2014} {}", key.name)).small().color(colour));
+        }
+    });
+    if let Some(scale) = &figure.scale {
+        ui.weak(format!("{}: {:.2} dark to {:.2} light", scale.label, scale.from, scale.to));
+    }
+    let note_height = 30.0;
+    let count = figure.panels.len().max(1) as f32;
+    let height = ((ui.available_height() - note_height) / count - 18.0).max(80.0);
+    let is_over_time = state.charts.kind.is_over_time();
+    egui::ScrollArea::vertical().auto_shrink(false).show(ui, |ui| {
+        for (index, panel) in figure.panels.iter().enumerate() {
+            let at_s = is_over_time.then_some(shown.run_state.now.time_s);
+            if let Some(time_s) = plot(ui, (index, panel), height, at_s) {
+                actions.push(UiAction::PlaybackCommand(PlaybackCommand::Seek(time_s)));
+            }
+        }
+        ui.label(RichText::new(&figure.note).small().weak());
+    });
+}
+
+/// One pair of axes; returns the time of a click.
+fn plot(ui: &mut Ui, (index, panel): (usize, &Panel), height: f32, at_s: Option<f64>) -> Option<f64> {
+    let is_dark = ui.visuals().dark_mode;
+    let label = match panel.title.as_str() {
+        "" => panel.y_label.clone(),
+        title => format!("{title}: {}", panel.y_label),
+    };
+    ui.label(RichText::new(label).small());
+    let buckets = (ui.available_width() / 2.0).max(50.0) as usize;
+    let plot = Plot::new(("chart", index))
+        .height(height)
+        .default_x_bounds(panel.x.0, panel.x.1)
+        .default_y_bounds(panel.y.0, panel.y.1)
+        .x_axis_label(panel.x_label.clone())
+        .allow_scroll(false)
+        .allow_drag(false)
+        .allow_zoom(false)
+        .allow_boxed_zoom(false);
+    let grey = Color32::from_gray(130);
+    let shown = plot.show(ui, |plot| {
+        plot.set_plot_bounds(egui_plot::PlotBounds::from_min_max(
+            [panel.x.0, panel.y.0],
+            [panel.x.1, panel.y.1],
+        ));
+        for rule in &panel.rules {
+            let style = LineStyle::dashed_loose();
+            if rule.is_level {
+                plot.hline(HLine::new(rule.name.clone(), rule.at).color(grey).style(style));
+            } else {
+                plot.vline(VLine::new(rule.name.clone(), rule.at).color(grey).style(style));
+            }
+        }
+        for line in &panel.lines {
+            let colour = on_ground(line.stroke.colour, is_dark);
+            for piece in pieces(&line.points) {
+                let points: PlotPoints<'_> = decimated(piece, panel.x, buckets).into();
+                plot.line(Line::new("", points).color(colour).width(1.5));
+            }
+        }
+        if let Some(at_s) = at_s {
+            plot.vline(VLine::new("shown time", at_s).color(grey).width(1.0));
+        }
+        plot.response().clicked().then(|| plot.pointer_coordinate()).flatten()
+    });
+    if at_s.is_some() {
+        shown.response.on_hover_text_at_pointer("Click to go to that time");
+        return shown.inner.map(|point| point.x);
+    }
+    None
+}
+
+/// The parts of a line between values that are not numbers.
+fn pieces(points: &[(f64, f64)]) -> impl Iterator<Item = &[(f64, f64)]> {
+    points.split(|(x, y)| !(x.is_finite() && y.is_finite())).filter(|piece| !piece.is_empty())
+}
+
+/// A line with so many steps over its axis: of each step its least and its largest value, so that no peak is lost.
+fn decimated(points: &[(f64, f64)], (from, to): (f64, f64), buckets: usize) -> Vec<[f64; 2]> {
+    if points.len() <= 2 * buckets {
+        return points.iter().map(|&(x, y)| [x, y]).collect();
+    }
+    let bucket = |x: f64| ((x - from) / (to - from).max(1e-9) * buckets as f64).floor() as i64;
+    let mut kept = Vec::with_capacity(2 * buckets);
+    for chunk in points.chunk_by(|a, b| bucket(a.0) == bucket(b.0)) {
+        let low = (0..chunk.len()).min_by(|a, b| chunk[*a].1.total_cmp(&chunk[*b].1)).unwrap_or(0);
+        let high = (0..chunk.len()).max_by(|a, b| chunk[*a].1.total_cmp(&chunk[*b].1)).unwrap_or(0);
+        let (first, second) = (low.min(high), low.max(high));
+        kept.push([chunk[first].0, chunk[first].1]);
+        if second != first {
+            kept.push([chunk[second].0, chunk[second].1]);
+        }
+    }
+    kept
+}
+
+/// A colour of figures, which are made for paper, as it is seen on a dark ground.
+fn on_ground([r, g, b]: Colour, is_dark: bool) -> Color32 {
+    let lift = |channel: u8| 70 + (u16::from(channel) * 185 / 255) as u8;
+    if is_dark { Color32::from_rgb(lift(r), lift(g), lift(b)) } else { Color32::from_rgb(r, g, b) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_long_line_is_drawn_with_few_points_and_all_its_peaks() {
+        let peak = 7777;
+        let points: Vec<(f64, f64)> = (0..30_000)
+            .map(|k| (f64::from(k) * 0.1, if k == peak { 50.0 } else { f64::from(k % 7) }))
+            .collect();
+        let drawn = decimated(&points, (0.0, 3000.0), 200);
+        assert!(drawn.len() <= 402, "{}", drawn.len());
+        assert!(drawn.is_sorted_by_key(|[x, _]| *x));
+        assert!(drawn.contains(&[f64::from(peak) * 0.1, 50.0]));
+        assert_eq!(decimated(&points[..50], (0.0, 5.0), 200).len(), 50, "a short one is drawn as it is");
+    }
+
+    #[test]
+    fn the_chart_shows_what_was_chosen_and_the_selected_one_else_the_first() {
+        let mut charts = ChartState::default();
+        let all = || (1..=20).map(VehicleId);
+        assert_eq!(charts.shown(None, all()).len(), MOST_VEHICLES);
+        assert_eq!(charts.shown(Some(VehicleId(9)), all()), [VehicleId(9)]);
+        charts.vehicles = vec![VehicleId(3), VehicleId(4)];
+        assert_eq!(charts.shown(Some(VehicleId(9)), all()), [3, 4, 9].map(VehicleId));
+        assert_eq!(charts.shown(Some(VehicleId(3)), all()), [3, 4].map(VehicleId));
+    }
+}

@@ -1,0 +1,86 @@
+//! Colours of vehicles in labels, on the map and of boxes: by status, speed or waiting time.
+
+use super::{ViewModel, theme};
+use city3d_protocol::snapshot::VehicleState;
+use egui::{Color32, Context};
+use serde::{Deserialize, Serialize};
+
+/// What the colour of a vehicle tells.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum ColourBy {
+    /// Its status.
+    #[default]
+    Status,
+    /// Its speed.
+    Speed,
+    /// How long it has been standing.
+    Waiting,
+}
+
+/// Ends of the scales.
+const FASTEST_KMH: f64 = 50.0;
+const LONGEST_S: f64 = 60.0;
+/// Viridis, at equal steps: it is told apart by lightness alone.
+const SCALE: [[u8; 3]; 5] = [[90, 50, 150], [70, 105, 170], [45, 165, 140], [130, 210, 80], [253, 231, 60]];
+
+impl ColourBy {
+    /// All of them, in the order of the list.
+    pub const ALL: [Self; 3] = [Self::Status, Self::Speed, Self::Waiting];
+
+    /// Name in the list.
+    pub fn label(self) -> &'static str {
+        match self {
+            Self::Status => "status",
+            Self::Speed => "speed",
+            Self::Waiting => "waiting time",
+        }
+    }
+
+    /// The colour of a vehicle on a picture.
+    pub fn colour(self, context: &Context, vehicle: &VehicleState, shown: &ViewModel<'_>) -> Color32 {
+        match self {
+            Self::Status => theme::on_picture(context, vehicle.status),
+            Self::Speed => scale(vehicle.speed_mps.abs() * 3.6 / FASTEST_KMH),
+            Self::Waiting => scale(shown.traffic.tracks().waits_s(vehicle.id) / LONGEST_S),
+        }
+    }
+
+    /// Texts at both ends of its scale; none for statuses, which have no order.
+    pub fn ends(self) -> Option<[String; 2]> {
+        match self {
+            Self::Status => None,
+            Self::Speed => Some(["0".to_owned(), format!("{FASTEST_KMH:.0} km/h")]),
+            Self::Waiting => Some(["0".to_owned(), format!("{LONGEST_S:.0} s")]),
+        }
+    }
+}
+
+/// The colour at a share of a scale.
+pub fn scale(share: f64) -> Color32 {
+    let place = share.clamp(0.0, 1.0) * (SCALE.len() - 1) as f64;
+    let index = (place as usize).min(SCALE.len() - 2);
+    let [low, high] = [SCALE[index], SCALE[index + 1]];
+    let part = |k: usize| {
+        let (low, high) = (f64::from(low[k]), f64::from(high[k]));
+        (low + (high - low) * (place - index as f64)).round() as u8
+    };
+    Color32::from_rgb(part(0), part(1), part(2))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_scale_grows_lighter_from_end_to_end() {
+        let lightness = |share: f64| {
+            let [r, g, b, _] = scale(share).to_array().map(f64::from);
+            0.2126 * r + 0.7152 * g + 0.0722 * b
+        };
+        let all: Vec<f64> = (0..=20).map(|k| lightness(f64::from(k) / 20.0)).collect();
+        assert!(all.is_sorted_by(|a, b| a < b), "{all:?}");
+        assert_eq!(scale(-1.0), scale(0.0));
+        assert_eq!(scale(7.0), scale(1.0));
+    }
+}

@@ -1,0 +1,41 @@
+//! Actions on the stored cameras of the large view.
+
+use super::{Command, CommandContext, ctrl, registry};
+use egui::Key;
+
+registry!(
+    GO_TO_1 = Command::always("Go to bookmark 1", &[ctrl(Key::Num1)], |c| recall(c, 1)),
+    GO_TO_2 = Command::always("Go to bookmark 2", &[ctrl(Key::Num2)], |c| recall(c, 2)),
+    GO_TO_3 = Command::always("Go to bookmark 3", &[ctrl(Key::Num3)], |c| recall(c, 3)),
+    GO_TO_4 = Command::always("Go to bookmark 4", &[ctrl(Key::Num4)], |c| recall(c, 4)),
+    GO_TO_5 = Command::always("Go to bookmark 5", &[ctrl(Key::Num5)], |c| recall(c, 5)),
+    GO_TO_6 = Command::always("Go to bookmark 6", &[ctrl(Key::Num6)], |c| recall(c, 6)),
+    GO_TO_7 = Command::always("Go to bookmark 7", &[ctrl(Key::Num7)], |c| recall(c, 7)),
+    GO_TO_8 = Command::always("Go to bookmark 8", &[ctrl(Key::Num8)], |c| recall(c, 8)),
+    GO_TO_9 = Command::always("Go to bookmark 9", &[ctrl(Key::Num9)], |c| recall(c, 9)),
+    SET_1 = Command::always("Set bookmark 1", &[ctrl(Key::Num1).with_shift()], |c| set(c, 1)),
+    SET_2 = Command::always("Set bookmark 2", &[ctrl(Key::Num2).with_shift()], |c| set(c, 2)),
+    SET_3 = Command::always("Set bookmark 3", &[ctrl(Key::Num3).with_shift()], |c| set(c, 3)),
+    SET_4 = Command::always("Set bookmark 4", &[ctrl(Key::Num4).with_shift()], |c| set(c, 4)),
+    SET_5 = Command::always("Set bookmark 5", &[ctrl(Key::Num5).with_shift()], |c| set(c, 5)),
+    SET_6 = Command::always("Set bookmark 6", &[ctrl(Key::Num6).with_shift()], |c| set(c, 6)),
+    SET_7 = Command::always("Set bookmark 7", &[ctrl(Key::Num7).with_shift()], |c| set(c, 7)),
+    SET_8 = Command::always("Set bookmark 8", &[ctrl(Key::Num8).with_shift()], |c| set(c, 8)),
+    SET_9 = Command::always("Set bookmark 9", &[ctrl(Key::Num9).with_shift()], |c| set(c, 9)),
+);
+
+fn recall(context: &mut CommandContext<'_, '_>, number: u8) {
+    let state = &mut *context.state;
+    match state.bookmarks.get(number) {
+        Some(bookmark) => state.viewpoint.recall(bookmark),
+        None => {
+            state.say(format!("Bookmark {number} is not set: Ctrl+Shift+{number} sets it"), context.now_s);
+        }
+    }
+}
+
+fn set(context: &mut CommandContext<'_, '_>, number: u8) {
+    context.state.bookmarks.set(number, &context.state.viewpoint);
+    let said = format!("Bookmark {number} is set: Ctrl+{number} comes back to this camera");
+    context.state.say(said, context.now_s);
+}

@@ -1,0 +1,55 @@
+//! Actions on the appearance: theme, size, units, quality and time of day.
+
+use super::{Command, CommandContext, ctrl, registry};
+use crate::ui::{Preferences, QualityPreset, SpeedUnit, StatusColours, Theme, UiAction};
+use egui::Key;
+
+registry!(
+    LARGER = Command::always("Larger interface", &[ctrl(Key::Plus), ctrl(Key::Equals)], |c| {
+        c.state.preferences = c.state.preferences.scaled(true);
+    })
+    .repeating(),
+    SMALLER = Command::always("Smaller interface", &[ctrl(Key::Minus)], |c| {
+        c.state.preferences = c.state.preferences.scaled(false);
+    })
+    .repeating(),
+    USUAL_SIZE = Command::always("Usual size of the interface", &[ctrl(Key::Num0)], |c| {
+        c.state.preferences.scale = Preferences::default().scale;
+    }),
+    THEME = Command::always("Switch between dark and light theme", &[], |c| {
+        let theme = &mut c.state.preferences.theme;
+        *theme = if *theme == Theme::Dark { Theme::Light } else { Theme::Dark };
+    }),
+    COLOURS = Command::always("Switch between usual and colour-blind status colours", &[], |c| {
+        let colours = &mut c.state.preferences.colours;
+        let is_usual = *colours == StatusColours::Usual;
+        *colours = if is_usual { StatusColours::ColourBlind } else { StatusColours::Usual };
+    }),
+    KM_PER_HOUR = Command::always("Speeds in km/h", &[], |c| unit(c, SpeedUnit::KmPerHour)),
+    METRE_PER_SECOND = Command::always("Speeds in m/s", &[], |c| unit(c, SpeedUnit::MetrePerSecond)),
+    LAB_METRE_PER_SECOND =
+        Command::always("Speeds in m/s of the laboratory", &[], |c| unit(c, SpeedUnit::LabMetrePerSecond)),
+    LOW = Command::always("Quality: low", &[], |c| quality(c, QualityPreset::Low)),
+    MEDIUM = Command::always("Quality: medium", &[], |c| quality(c, QualityPreset::Medium)),
+    HIGH = Command::always("Quality: high", &[], |c| quality(c, QualityPreset::High)),
+    ULTRA = Command::always("Quality: ultra", &[], |c| quality(c, QualityPreset::Ultra)),
+    MORNING = Command::always("Time of day: morning", &[], |c| time(c, 8.0)),
+    NOON = Command::always("Time of day: noon", &[], |c| time(c, 12.0)),
+    LOW_SUN = Command::always("Time of day: low sun", &[], |c| time(c, 16.5)),
+    DUSK = Command::always("Time of day: dusk", &[], |c| time(c, 17.6)),
+    NIGHT = Command::always("Time of day: night", &[], |c| time(c, 22.0)),
+);
+
+fn unit(context: &mut CommandContext<'_, '_>, unit: SpeedUnit) {
+    context.state.preferences.units = unit;
+}
+
+fn quality(context: &mut CommandContext<'_, '_>, preset: QualityPreset) {
+    context.state.look.preset = preset;
+    context.actions.push(UiAction::Look(context.state.look));
+}
+
+fn time(context: &mut CommandContext<'_, '_>, hours: f64) {
+    context.state.look.hours = hours;
+    context.actions.push(UiAction::Look(context.state.look));
+}

@@ -1,0 +1,137 @@
+//! Actions on panels, overlays and the window itself.
+
+use super::{Availability, Command, CommandContext, ctrl, key, registry};
+use crate::ui::{ColourBy, Panel, UiAction, VideoKind, preview};
+use egui::Key;
+
+registry!(
+    PALETTE = Command::always("Find an action", &[ctrl(Key::P)], |c| c.state.palette.open()),
+    HELP = Command::always("Help: all keys and statuses", &[key(Key::F1), key(Key::Questionmark)], |c| {
+        c.state.open.help = !c.state.open.help;
+    }),
+    VEHICLES = Command::always("Show or hide the table of vehicles", &[ctrl(Key::B)], |c| {
+        c.state.open.vehicles = !c.state.open.vehicles;
+    }),
+    CAMERAS = Command::always("Show or hide the cameras", &[ctrl(Key::B).with_shift()], cameras),
+    EVENTS = Command::always("List of events", &[key(Key::F3)], |c| {
+        c.state.open.events = !c.state.open.events;
+    }),
+    TRAFFIC = Command::always("Traffic: delay, safety, time-space diagram", &[key(Key::F4)], |c| {
+        c.state.open.traffic = !c.state.open.traffic;
+    }),
+    LAYERS = Command::always("Layers: overlays of the city", &[], |c| {
+        c.state.open.layers = !c.state.open.layers;
+    }),
+    SETTINGS = Command::always("Settings: theme, size, units", &[ctrl(Key::Comma)], |c| {
+        c.state.open.settings = !c.state.open.settings;
+    }),
+    RESTORE_LAYOUT = Command::always("Restore the layout", &[], |c| c.state.restore_layout()),
+    FLOAT_VEHICLES =
+        Command::always("Float or dock the table of vehicles", &[], |c| float(c, Panel::Vehicles)),
+    FLOAT_CAMERAS = Command::always("Float or dock the cameras", &[], |c| float(c, Panel::Cameras)),
+    FLOAT_EVENTS = Command::always("Float or dock the list of events", &[], |c| float(c, Panel::Events)),
+    FLOAT_TRAFFIC = Command::always("Float or dock the traffic", &[], |c| float(c, Panel::Traffic)),
+    FLOAT_CHARTS = Command::always("Float or dock the charts", &[], |c| float(c, Panel::Charts)),
+    FLOAT_LAYERS = Command::always("Float or dock the layers", &[], |c| float(c, Panel::Layers)),
+    FLOAT_CONTROLLERS = Command::always("Float or dock the gamepad and steering wheel", &[], |c| float(
+        c,
+        Panel::Controllers
+    )),
+    FLOAT_INSPECTOR = Command::always("Float or dock the inspector", &[], |c| float(c, Panel::Inspector)),
+    INSPECTOR =
+        Command::always("Inspector: why the selected vehicle does what it does", &[key(Key::I)], |c| {
+            c.state.open.inspector = !c.state.open.inspector;
+        }),
+    LABELS = Command::always("Show or hide labels over vehicles", &[key(Key::L)], |c| {
+        c.state.layers.labels = !c.state.layers.labels;
+    }),
+    MAP = Command::always("Show or hide the map", &[key(Key::M)], |c| {
+        c.state.layers.map = !c.state.layers.map;
+    }),
+    LANES = Command::always("Show or hide lanes", &[], |c| c.state.layers.lanes = !c.state.layers.lanes),
+    ROUTES = Command::always("Show or hide the route of the selected vehicle", &[], |c| {
+        c.state.layers.routes = !c.state.layers.routes;
+    }),
+    ALL_ROUTES = Command::always("Show or hide the routes of all vehicles", &[], |c| {
+        c.state.layers.all_routes = !c.state.layers.all_routes;
+    }),
+    CONFLICT_ZONES = Command::always("Show or hide conflict zones", &[], |c| {
+        c.state.layers.zones = !c.state.layers.zones;
+    }),
+    CONTROL_ZONES = Command::always("Show or hide control zones", &[], |c| {
+        c.state.layers.control_zones = !c.state.layers.control_zones;
+    }),
+    PLANS = Command::always("Show or hide plans of coordinated vehicles", &[], |c| {
+        c.state.layers.plans = !c.state.layers.plans;
+    }),
+    CHARTS = Command::always("Charts of several vehicles", &[key(Key::F6)], |c| {
+        c.state.open.charts = !c.state.open.charts;
+    }),
+    VIDEO = Command::always("Record a video, or end it", &[key(Key::F9)], |c| {
+        c.actions.push(UiAction::Video(VideoKind::AsSeen));
+    }),
+    TIME_LAPSE = Command::always("Record a time-lapse", &[], |c| {
+        c.actions.push(UiAction::Video(VideoKind::TimeLapse { every_s: c.state.lapse_s }));
+    })
+    .only(|_, shown| Availability::when(shown.video.is_none())),
+    SAVE_CHART = Command::always("Save the chart as SVG, PNG and CSV", &[], |c| {
+        c.actions.push(UiAction::SaveChart);
+    })
+    .only(|state, _| match state.open.charts {
+        true => Availability::Now,
+        false => Availability::After("Open the charts first (F6)"),
+    }),
+    BOXES = Command::always("Show or hide boxes", &[], |c| c.state.layers.boxes = !c.state.layers.boxes),
+    TRACKS = Command::always("Show or hide driven paths", &[], |c| {
+        c.state.layers.tracks = !c.state.layers.tracks;
+    }),
+    PATH = Command::always("Show or hide the way ahead", &[], |c| {
+        c.state.layers.path = !c.state.layers.path;
+    }),
+    GAPS = Command::always("Show or hide gaps and headways", &[], |c| {
+        c.state.layers.gaps = !c.state.layers.gaps;
+    }),
+    MEASURED = Command::always("Show or hide measured poses", &[], |c| {
+        c.state.layers.measured = !c.state.layers.measured;
+    }),
+    FRUSTA = Command::always("Show or hide what cameras see", &[], |c| {
+        c.state.layers.frusta = !c.state.layers.frusta;
+    }),
+    LEGEND = Command::always("Show or hide the legend", &[], |c| {
+        c.state.layers.legend = !c.state.layers.legend;
+    }),
+    RULERS = Command::always("Show or hide scale, north and place under the mouse", &[], |c| {
+        c.state.layers.rulers = !c.state.layers.rulers;
+    }),
+    COLOUR_STATUS = Command::always("Colour vehicles by status", &[], |c| {
+        c.state.layers.colour = ColourBy::Status;
+    }),
+    COLOUR_SPEED = Command::always("Colour vehicles by speed", &[], |c| {
+        c.state.layers.colour = ColourBy::Speed;
+    }),
+    COLOUR_WAITING = Command::always("Colour vehicles by waiting time", &[], |c| {
+        c.state.layers.colour = ColourBy::Waiting;
+    }),
+    MEASURE = Command::always("Measure lengths", &[], |c| c.state.measure.begin(None)),
+    SCREENSHOT = Command::always("Save a screenshot", &[key(Key::F12)], |c| {
+        c.actions.push(UiAction::Screenshot);
+    }),
+    QUIT = Command::always("Quit", &[ctrl(Key::Q)], |c| c.actions.push(UiAction::Quit)),
+);
+
+/// Panels and pages that the menu of the bar lists.
+pub static MENU: [&Command; 6] = [&VEHICLES, &CAMERAS, &EVENTS, &TRAFFIC, &CHARTS, &LAYERS];
+
+fn float(context: &mut CommandContext<'_, '_>, panel: Panel) {
+    context.state.layout.toggle_floating(panel);
+}
+
+/// Shows or hides the previews; where there is none, opens one.
+fn cameras(context: &mut CommandContext<'_, '_>) {
+    let state = &mut *context.state;
+    if state.previews.is_empty() {
+        preview::open_first(state, context.shown);
+    } else {
+        state.open.cameras = !state.open.cameras;
+    }
+}

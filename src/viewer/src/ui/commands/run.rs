@@ -1,0 +1,60 @@
+//! Actions on a run that goes on.
+
+use super::{Availability, Command, ctrl, is_live, is_local_run, key, registry, shift};
+use crate::ui::bar::other_speed;
+use crate::ui::{UiState, ViewModel, run_until};
+use city3d_session::playback::MarkKind;
+use city3d_session::{Order, RunGoal, RunPhase, Speed};
+use egui::Key;
+
+registry!(
+    START_OR_PAUSE = Command::always("Start, pause or continue the run", &[key(Key::Space)], |c| {
+        let runs = c.shown.run_state.phase == RunPhase::Running;
+        c.order(if runs { Order::Pause } else { Order::Start });
+    })
+    .only(can_run),
+    STEP =
+        Command::always("One step (usually 10 ms)", &[key(Key::N)], |c| c.order(Order::Step)).only(can_step),
+    RESET = Command::always("Reset the run", &[ctrl(Key::R)], |c| c.order(Order::Reset)).only(is_live),
+    FASTER = Command::always("Run faster", &[key(Key::Plus), key(Key::Equals)], |c| {
+        c.order(Order::Speed(other_speed(c.shown.run_state.speed, true)));
+    })
+    .only(is_local_run),
+    SLOWER = Command::always("Run slower", &[key(Key::Minus)], |c| {
+        c.order(Order::Speed(other_speed(c.shown.run_state.speed, false)));
+    })
+    .only(is_local_run),
+    REAL_TIME = Command::always("Run in real time", &[], |c| c.order(Order::Speed(Speed::Times(1.0))))
+        .only(is_local_run),
+    SOME_STEPS = Command::always("Run the chosen number of steps", &[shift(Key::N)], |c| {
+        let steps = c.state.run_until.steps();
+        c.order(Order::RunUntil(run_until::after_steps(c.shown, steps)));
+    })
+    .only(can_step),
+    UNTIL_COLLISION = Command::always("Run until the next collision", &[], |c| {
+        c.order(Order::RunUntil(RunGoal::Event(Some(MarkKind::Collision))));
+    })
+    .only(can_run),
+    UNTIL_EVENT = Command::always("Run until the next event", &[], |c| {
+        c.order(Order::RunUntil(RunGoal::Event(None)));
+    })
+    .only(can_run),
+    UNLIMITED = Command::always("Run as fast as possible", &[], |c| c.order(Order::Speed(Speed::Unlimited)))
+        .only(is_local_run),
+);
+
+const FAILED: Availability = Availability::After("The run has failed. Reset it first (Ctrl+R).");
+
+fn can_run(state: &UiState, shown: &ViewModel<'_>) -> Availability {
+    match shown.run_state.phase {
+        RunPhase::Failed(_) if shown.replay.is_none() => FAILED,
+        _ => is_live(state, shown),
+    }
+}
+
+fn can_step(state: &UiState, shown: &ViewModel<'_>) -> Availability {
+    match is_local_run(state, shown) {
+        Availability::Now => can_run(state, shown),
+        other => other,
+    }
+}

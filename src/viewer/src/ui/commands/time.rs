@@ -1,0 +1,112 @@
+//! Actions on the time that is shown: the playback of a recorded run, and looking back in one that goes on.
+
+use super::{Availability, Command, CommandContext, key, registry, shift};
+use crate::ui::timeline::{self, ShownTime, TimelineRange, TimelineView};
+use crate::ui::{UiState, ViewModel};
+use city3d_session::playback::{PlaybackCommand, Playhead};
+use egui::Key;
+
+/// Step of the arrow keys, seconds.
+const LEAP_S: f64 = 5.0;
+
+registry!(
+    PLAY_OR_PAUSE = Command::always("Play or pause", &[key(Key::Space)], |c| {
+        with_head(c, |head| if head.is_playing { PlaybackCommand::Pause } else { PlaybackCommand::Play });
+    })
+    .only(is_played),
+    PLAY_BACKWARD = Command::always("Play backward", &[key(Key::J)], |c| c.play(PlaybackCommand::Reverse))
+        .only(looks_back),
+    STEP_BACK = Command::always("One recorded step back", &[key(Key::Comma)], |c| {
+        c.play(PlaybackCommand::Step { forward: false });
+    })
+    .only(looks_back)
+    .repeating(),
+    STEP_FORWARD = Command::always("One recorded step forward", &[key(Key::Period), key(Key::N)], |c| {
+        c.play(PlaybackCommand::Step { forward: true });
+    })
+    .only(is_played)
+    .repeating(),
+    LEAP_BACK = Command::always("5 seconds back", &[key(Key::ArrowLeft)], |c| {
+        with_head(c, |head| PlaybackCommand::Seek(head.at_s - LEAP_S));
+    })
+    .only(is_played)
+    .repeating(),
+    LEAP_FORWARD = Command::always("5 seconds forward", &[key(Key::ArrowRight)], |c| {
+        with_head(c, |head| PlaybackCommand::Seek(head.at_s + LEAP_S));
+    })
+    .only(is_played)
+    .repeating(),
+    PREVIOUS_EVENT =
+        Command::always("Go to the previous event", &[key(Key::OpenBracket), shift(Key::ArrowLeft)], |c| {
+            to_event(c, false);
+        })
+        .only(looks_back)
+        .repeating(),
+    NEXT_EVENT =
+        Command::always("Go to the next event", &[key(Key::CloseBracket), shift(Key::ArrowRight)], |c| {
+            to_event(c, true);
+        })
+        .only(is_played)
+        .repeating(),
+    TO_START = Command::always("Go to the start", &[key(Key::Home)], |c| {
+        with_head(c, |head| PlaybackCommand::Seek(head.from_s));
+    })
+    .only(looks_back),
+    TO_END = Command::always("Go to the end, or back to the present", &[key(Key::End)], |c| {
+        match c.timeline.shown {
+            ShownTime::Past => c.play(PlaybackCommand::Live),
+            _ => with_head(c, |head| PlaybackCommand::Seek(head.to_s)),
+        }
+    })
+    .only(is_played),
+    GRAVE_EVENT = Command::always("Go to the last collision, long stop or lost link", &[key(Key::G)], |c| {
+        if let Some(command) = timeline::to_grave_event(c.timeline, c.state) {
+            c.play(command);
+        }
+    })
+    .only(|state, shown| match state.events.last_grave(shown.events) {
+        Some(_) => looks_back(state, shown),
+        None => Availability::After("No vehicle has collided, stopped for long or lost its link so far"),
+    }),
+    REPLAY_FASTER = Command::always("Play faster", &[key(Key::Plus), key(Key::Equals)], |c| {
+        with_head(c, |head| PlaybackCommand::Speed(head.other_speed(true)));
+    })
+    .only(is_played),
+    REPLAY_SLOWER = Command::always("Play slower", &[key(Key::Minus)], |c| {
+        with_head(c, |head| PlaybackCommand::Speed(head.other_speed(false)));
+    })
+    .only(is_played),
+    WHOLE_RUN = Command::always("Show the whole run on the timeline", &[], |c| {
+        c.state.section = TimelineRange::default();
+    })
+    .only(|state, _| Availability::when(state.section != TimelineRange::default())),
+);
+
+/// Use of the mouse.
+pub const GESTURES: &[(&str, &str)] = &[
+    ("click on the timeline", "Go to that time, or to the event of a mark"),
+    ("wheel on the timeline", "Show less or more of the run"),
+    ("right-drag on the timeline", "Move the shown part of the run"),
+];
+
+fn is_played(_: &UiState, shown: &ViewModel<'_>) -> Availability {
+    Availability::when(TimelineView::of(shown).is_played())
+}
+
+/// Available in the present, too; who drives has to see it.
+fn looks_back(state: &UiState, _: &ViewModel<'_>) -> Availability {
+    match state.driving {
+        Some(_) => Availability::After("You drive: release the vehicle (Enter) to look at the past"),
+        None => Availability::Now,
+    }
+}
+
+fn with_head(context: &mut CommandContext<'_, '_>, command: fn(&Playhead) -> PlaybackCommand) {
+    context.play(command(&context.timeline.head));
+}
+
+fn to_event(context: &mut CommandContext<'_, '_>, forward: bool) {
+    if let Some(command) = timeline::to_event(context.timeline, context.state, forward) {
+        context.play(command);
+    }
+}

@@ -1,0 +1,230 @@
+//! The inspector: why the selected vehicle does what it does. Lane, leader, gap and headway come from poses, and so from
+//! every source; reasons are told by the control framework where it is known.
+
+use super::vehicles::tenths;
+use super::{UiAction, UiState, ViewModel, status, theme};
+use city3d_protocol::snapshot::{ControlDecision, DecisionReason, VehicleId, VehicleInfo, VehicleState};
+use city3d_simulation::measures::{LeaderAhead, TrafficPlace};
+use egui::{Color32, Grid, RichText, Ui};
+
+/// What is written where a source does not tell something.
+pub const NOT_TOLD: &str = "not told by this source";
+/// Lanes of the route that are listed.
+const LISTED_LANES: usize = 4;
+
+/// Shows what is known of the selected vehicle.
+pub fn show(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>, actions: &mut Vec<UiAction>) {
+    let now = &shown.run_state.now;
+    let found = state.selection.vehicle.and_then(|id| now.vehicle(id).zip(now.info(id)));
+    let Some((vehicle, info)) = found else {
+        ui.label("Select a vehicle: click it in the city or in the table.");
+        return;
+    };
+    let route = shown.routes.get(&vehicle.id).map_or(&[][..], Vec::as_slice);
+    let place = TrafficPlace::of((shown.map, shown.traffic.lanes()), now, vehicle.id, route);
+    let insight = shown.run_state.insight.as_deref();
+    let decision = insight.and_then(|insight| insight.decision(vehicle.id));
+    heading(ui, shown, (vehicle, info));
+    let mut link = None;
+    Grid::new("inspector").num_columns(2).spacing([10.0, 4.0]).striped(true).show(ui, |ui| {
+        why(ui, shown, decision, &mut link);
+        motion(ui, vehicle, decision);
+        traffic(ui, shown, place.as_ref(), &mut link);
+        trajectory(ui, shown, vehicle, decision);
+        let delay_s = insight.and_then(|insight| insight.command_delays_s.get(&vehicle.id));
+        let delay = delay_s.map_or_else(|| NOT_TOLD.to_owned(), |s| format!("{:.0} ms", s * 1000.0));
+        row(ui, "Command delay", &delay, "From the control step to the arrival of its last trajectory");
+        sensors(ui, shown, vehicle.id);
+        rest(ui, shown, vehicle.id, place.as_ref());
+    });
+    if let Some(other) = link {
+        (state.selection.vehicle, state.table.reveal) = (Some(other), true);
+    }
+    ui.horizontal(|ui| {
+        let follows = state.viewpoint.follow == Some(vehicle.id);
+        if ui.add_enabled(!follows, egui::Button::new("Follow")).clicked() {
+            state.selection.follow = Some(vehicle.id);
+        }
+        if ui.button("Camera").on_hover_text("Open or close its preview (P)").clicked() {
+            state.toggle_preview(vehicle.id);
+        }
+        if shown.replay.is_none() && shown.may_drive(vehicle.id) && state.driven() != Some(vehicle.id) {
+            let button = ui.button("Take control").on_hover_text("Drive it with the keyboard (Enter)");
+            if button.clicked() {
+                actions.push(UiAction::Drive(vehicle.id));
+            }
+        }
+    });
+}
+
+fn heading(ui: &mut Ui, shown: &ViewModel<'_>, (vehicle, info): (&VehicleState, &VehicleInfo)) {
+    ui.horizontal(|ui| {
+        let [r, g, b] = info.appearance.colour;
+        super::vehicles::chip(ui, Color32::from_rgb(r, g, b), info.is_physical());
+        ui.strong(format!("{} {}", vehicle.id, info.name));
+        ui.label(
+            RichText::new(status::label(vehicle.status)).color(theme::on_panel(ui.ctx(), vehicle.status)),
+        )
+        .on_hover_ui(|ui| _ = ui.label(status::reason(vehicle, info, shown.map)));
+    });
+}
+
+fn row(ui: &mut Ui, name: &str, text: &str, tip: &str) {
+    ui.label(RichText::new(name).weak()).on_hover_text(tip);
+    ui.label(text).on_hover_text(tip);
+    ui.end_row();
+}
+
+/// A row with a vehicle, which a click selects.
+fn row_with_vehicle(
+    ui: &mut Ui,
+    (name, text, tip): (&str, &str, &str),
+    vehicle: VehicleId,
+    link: &mut Option<VehicleId>,
+) {
+    ui.label(RichText::new(name).weak()).on_hover_text(tip);
+    if ui.link(text).on_hover_text(format!("{tip}. Click to select vehicle {vehicle}")).clicked() {
+        *link = Some(vehicle);
+    }
+    ui.end_row();
+}
+
+fn why(ui: &mut Ui, shown: &ViewModel<'_>, decision: Option<&ControlDecision>, link: &mut Option<VehicleId>) {
+    let tip = "What limits it in the last control step, as the control framework tells";
+    let Some(decision) = decision else { return row(ui, "Why", NOT_TOLD, tip) };
+    let text = reason_words(shown, decision);
+    match decision.other {
+        Some(other) => row_with_vehicle(ui, ("Why", &text, tip), other, link),
+        None => row(ui, "Why", &text, tip),
+    }
+}
+
+/// A decision in words.
+pub fn reason_words(shown: &ViewModel<'_>, decision: &ControlDecision) -> String {
+    let named = |id: VehicleId| {
+        let info = shown.run_state.now.info(id);
+        info.map_or_else(|| id.to_string(), |info| format!("{id} {}", info.name))
+    };
+    let other = decision.other.map(named);
+    let with = |with: &str, without: &str| match &other {
+        Some(other) => format!("{with} {other}"),
+        None => without.to_owned(),
+    };
+    let what = match decision.reason {
+        DecisionReason::FreeRoad => "free road".to_owned(),
+        DecisionReason::RoadSpeed => "speed of the bend or limit ahead".to_owned(),
+        DecisionReason::Leader => with("follows", "follows a vehicle that others control"),
+        DecisionReason::Platoon => with("in a platoon behind", "in a platoon"),
+        DecisionReason::RouteEnd => "end of its route".to_owned(),
+        DecisionReason::StopLine => with("at the stop line, yields to", "stops at the stop line"),
+        DecisionReason::YieldLine => with("at the yield line, yields to", "slows for the yield line"),
+        DecisionReason::Signal => "the signal is not green".to_owned(),
+        DecisionReason::Junction => with("at the junction, yields to", "slows for the junction"),
+        DecisionReason::NoRoom => with("no room behind the junction, after", "no room behind the junction"),
+        DecisionReason::Crossing => with("waits for the crossing of", "waits before a crossing"),
+        DecisionReason::Merging => with("yields at the merge to", "yields at a merge"),
+        DecisionReason::Plan => "follows its coordinated plan".to_owned(),
+        DecisionReason::SafetyFilter => "the safety filter brakes its plan".to_owned(),
+        DecisionReason::NotMeasured => "not measured for too long, stops".to_owned(),
+        DecisionReason::OffRoute => "on no lane of its route, stops".to_owned(),
+    };
+    let vehicle = shown.run_state.now.vehicle(decision.vehicle);
+    let away_m = decision.place.zip(vehicle).map(|(place, v)| place.distance(v.position.truncate()));
+    away_m.map_or(what.clone(), |m| format!("{what} ({m:.0} m)"))
+}
+
+fn motion(ui: &mut Ui, vehicle: &VehicleState, decision: Option<&ControlDecision>) {
+    let target = decision.map_or_else(
+        || format!("target {NOT_TOLD}"),
+        |decision| format!("target {} km/h", tenths(decision.target_mps * 3.6)),
+    );
+    let speed = format!("{} km/h, {target}", tenths(vehicle.speed_mps * 3.6));
+    row(ui, "Speed", &speed, "Along its heading, and what road and driver allow here");
+    let planned =
+        decision.map_or_else(String::new, |decision| format!(", planned {:+.2}", decision.acceleration_mps2));
+    let acceleration = format!("{:+.2} m/s\u{b2}{planned}", vehicle.acceleration_mps2);
+    row(ui, "Acceleration", &acceleration, "Along its heading");
+}
+
+fn traffic(ui: &mut Ui, shown: &ViewModel<'_>, place: Option<&TrafficPlace>, link: &mut Option<VehicleId>) {
+    let Some(place) = place else {
+        row(ui, "Lane", "none", "Its front axle is on no lane in its direction");
+        return;
+    };
+    let lane = shown.map.lane(place.axle.lane);
+    let text = format!("{}, {} of {} m", lane.name, tenths(place.axle.at_m), tenths(lane.curve.length()));
+    row(ui, "Lane", &text, "Under its front axle");
+    let Some(leader) = &place.leader else {
+        row(ui, "Leader", "none within 60 m", "The nearest vehicle ahead on its way");
+        return;
+    };
+    let name = shown.run_state.now.info(leader.vehicle).map_or("", |info| info.name.as_str());
+    let text = format!("{} {name}", leader.vehicle);
+    let tip = "The nearest vehicle ahead on its way";
+    row_with_vehicle(ui, ("Leader", &text, tip), leader.vehicle, link);
+    row(ui, "Gap", &gap_words(leader), "From bumper to bumper; time headway: gap over its speed");
+}
+
+/// Gap, headway and time to collision in words.
+fn gap_words(leader: &LeaderAhead) -> String {
+    let headway = leader.headway_s().map_or_else(String::new, |s| format!(", headway {s:.1} s"));
+    let ttc_s = leader.following.ttc_s().filter(|s| *s < 20.0);
+    let ttc = ttc_s.map_or_else(String::new, |s| format!(", collision in {s:.1} s"));
+    format!("{} m{headway}{ttc}", tenths(leader.following.gap_m))
+}
+
+fn trajectory(
+    ui: &mut Ui,
+    shown: &ViewModel<'_>,
+    vehicle: &VehicleState,
+    decision: Option<&ControlDecision>,
+) {
+    let lateral = match vehicle.tracked_lateral_error_m() {
+        _ if !shown.has_control_data => NOT_TOLD.to_owned(),
+        None => "no path, a person drives".to_owned(),
+        Some(error_m) => format!("{:+.1} cm", error_m * 100.0),
+    };
+    row(ui, "Lateral error", &lateral, "Front axle from the desired path, left-positive");
+    let ahead = decision.map_or_else(
+        || NOT_TOLD.to_owned(),
+        |decision| format!("{:+.1} cm", decision.longitudinal_error_m * 100.0),
+    );
+    row(ui, "Longitudinal error", &ahead, "How far its plan is ahead of its estimated place");
+    let noise = decision.map_or_else(
+        || NOT_TOLD.to_owned(),
+        |decision| {
+            let off_m = decision.measured.position.distance(vehicle.position.truncate());
+            format!("{:.1} cm from the true pose", off_m * 100.0)
+        },
+    );
+    row(ui, "Measured pose", &noise, "Its last measurement, which lags and has noise");
+}
+
+fn sensors(ui: &mut Ui, shown: &ViewModel<'_>, id: VehicleId) {
+    let names: Vec<&str> = shown.cameras_of(id).iter().map(|camera| camera.name.as_str()).collect();
+    let text = if names.is_empty() { "none in the scenario".to_owned() } else { names.join(", ") };
+    row(ui, "Sensors", &text, "Cameras that the scenario gives it");
+}
+
+fn rest(ui: &mut Ui, shown: &ViewModel<'_>, id: VehicleId, place: Option<&TrafficPlace>) {
+    let driver = shown.drivers.get(&id).map_or("not known", String::as_str);
+    row(ui, "Driver", driver, "Its control algorithm");
+    let route = shown.routes.get(&id).map_or(&[][..], Vec::as_slice);
+    let here = place.and_then(|place| route.iter().position(|lane| *lane == place.axle.lane));
+    let text = match here {
+        _ if route.is_empty() => NOT_TOLD.to_owned(),
+        None => "it is not on its planned route".to_owned(),
+        Some(index) => {
+            let ahead = &route[index + 1..];
+            let length_m: f64 = route[index..].iter().map(|lane| shown.map.lane(*lane).curve.length()).sum();
+            let left_m = length_m - place.map_or(0.0, |place| place.axle.at_m);
+            let names: Vec<&str> =
+                ahead.iter().take(LISTED_LANES).map(|lane| shown.map.lane(*lane).name.as_str()).collect();
+            let more = if ahead.len() > LISTED_LANES { ", ..." } else { "" };
+            format!("{left_m:.0} m left: {}{more}", names.join(", "))
+        }
+    };
+    ui.label(RichText::new("Route").weak());
+    ui.add(egui::Label::new(text).truncate()).on_hover_text("Its planned lanes, by the scenario");
+    ui.end_row();
+}

@@ -1,0 +1,254 @@
+//! Panels and their places: docked around the city as tiles that are moved, resized and hidden, or floating over it.
+
+mod sizes;
+mod stored;
+
+pub use stored::StoredLayout;
+
+use super::panels::{self, Home, Panel, PanelEntry, entry};
+use super::{UiAction, UiState, ViewModel};
+use egui::{Align2, Pos2, Rect, Ui, Vec2, WidgetText, vec2};
+use egui_tiles::{Behavior, SimplificationOptions, Tabs, TileId, Tiles, Tree, UiResponse};
+use std::collections::{BTreeMap, BTreeSet};
+
+/// Where the panels are. A closed panel keeps its place.
+#[derive(Clone, Debug)]
+pub struct Layout {
+    tree: Tree<Panel>,
+    floating: BTreeSet<Panel>,
+    /// Sizes that the user has given what is beside the city, by tile, points; the city takes the rest.
+    points: BTreeMap<u64, f32>,
+    /// Sizes in this frame, which the room may limit.
+    fitted: BTreeMap<u64, f32>,
+}
+
+impl Default for Layout {
+    fn default() -> Self {
+        let mut tiles = Tiles::default();
+        let mut tabs = |panels: &[Panel]| {
+            let panes = panels.iter().map(|panel| tiles.insert_pane(*panel)).collect();
+            tiles.insert_tab_tile(panes)
+        };
+        let (vehicles, below) = (tabs(&[Panel::Vehicles]), tabs(&panels::with_home(Home::BelowVehicles)));
+        let (city, cameras) = (tabs(&[Panel::City]), tabs(&panels::with_home(Home::Right)));
+        let left = tiles.insert_vertical_tile(vec![vehicles, below]);
+        let root = tiles.insert_horizontal_tile(vec![left, city, cameras]);
+        let tree = Tree::new(egui::Id::unique("layout"), root, tiles);
+        let points = [(left.0, LEFT), (cameras.0, RIGHT)].into();
+        let floating = panels::with_home(Home::Floating).into_iter().collect();
+        Self { tree, floating, points, fitted: BTreeMap::new() }
+    }
+}
+
+/// Widths of the columns beside the city, points.
+const LEFT: f32 = 454.0;
+const RIGHT: f32 = 284.0;
+/// Height of the bar with the titles, points.
+const TAB_BAR: f32 = 22.0;
+
+/// Shows all open panels.
+pub(super) fn show(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>, actions: &mut Vec<UiAction>) {
+    // Panels do not change the layout while it is shown.
+    let mut layout = std::mem::take(&mut state.layout);
+    layout.update(state);
+    layout.fit(ui, ui.available_size());
+    let (hidden, city) = (layout.hidden(), layout.tree.tiles.find_pane(&Panel::City));
+    let mut dock = Dock { state, shown, actions, hidden, city, closed: None, lifted: None };
+    layout.tree.ui(&mut dock, ui);
+    let (closed, lifted) = (dock.closed, dock.lifted);
+    layout.learn();
+    layout.show_floating(ui, state, shown, actions);
+    if let Some(panel) = closed {
+        (entry(panel).close)(state);
+    }
+    if let Some(panel) = lifted {
+        layout.floating.insert(panel);
+    }
+    state.layout = layout;
+}
+
+impl Layout {
+    /// Whether a panel is over the city, not beside it.
+    pub fn is_floating(&self, panel: Panel) -> bool {
+        self.floating.contains(&panel)
+    }
+
+    /// Docks a floating panel, or lifts a docked one.
+    pub fn toggle_floating(&mut self, panel: Panel) {
+        if !self.floating.remove(&panel) && panel != Panel::City {
+            self.floating.insert(panel);
+        }
+    }
+
+    /// Brings the tiles into line with the panels that are open.
+    fn update(&mut self, state: &UiState) {
+        for PanelEntry { panel, is_open, home, .. } in &panels::ALL {
+            let is_docked = is_open(state) && !self.is_floating(*panel);
+            let place = self.tree.tiles.find_pane(panel);
+            let tile = match place {
+                Some(tile) => tile,
+                None if is_docked => self.insert(*panel, *home),
+                None => continue,
+            };
+            let was_docked = place.is_some() && self.tree.is_visible(tile);
+            self.tree.set_visible(tile, is_docked);
+            if is_docked && !was_docked {
+                self.tree.make_active(|id, _| id == tile);
+            }
+        }
+    }
+
+    /// Puts a panel that has no tile beside those that are at its home, else below the vehicles, else anywhere.
+    fn insert(&mut self, panel: Panel, home: Home) -> TileId {
+        let tile = self.tree.tiles.insert_pane(panel);
+        let beside = panels::with_home(home).into_iter().chain(panels::with_home(Home::BelowVehicles));
+        let beside = beside.chain([Panel::Vehicles]).filter(|other| *other != panel);
+        let tabs = beside
+            .filter_map(|other| self.tree.tiles.find_pane(&other))
+            .find_map(|other| self.tree.tiles.parent_of(other));
+        if let Some(tabs) = tabs {
+            self.tree.move_tile_to_container(tile, tabs, usize::MAX, false);
+        } else if let Some(root) = self.tree.root {
+            let tabs = self.tree.tiles.insert_tab_tile(vec![tile]);
+            self.tree.root = Some(self.tree.tiles.insert_horizontal_tile(vec![root, tabs]));
+        }
+        tile
+    }
+
+    fn hidden(&self) -> BTreeSet<u64> {
+        let tiles = self.tree.tiles.tile_ids();
+        tiles.filter(|tile| !self.tree.is_visible(*tile)).map(|tile| tile.0).collect()
+    }
+
+    fn city(&self) -> Option<Rect> {
+        self.tree.tiles.rect(self.tree.tiles.find_pane(&Panel::City)?)
+    }
+
+    fn show_floating(
+        &mut self,
+        ui: &Ui,
+        state: &mut UiState,
+        shown: &ViewModel<'_>,
+        actions: &mut Vec<UiAction>,
+    ) {
+        let city = self.city().unwrap_or_else(|| ui.ctx().content_rect());
+        let room = ui.ctx().content_rect().shrink2(vec2(12.0, 48.0));
+        let mut taken: Vec<Rect> = Vec::new();
+        for PanelEntry { panel, title, size, is_open, close, show, .. } in &panels::ALL {
+            if !is_open(state) || !self.is_floating(*panel) {
+                continue;
+            }
+            let size = Vec2::from(*size).min(room.size());
+            let (mut stays_open, mut stays_floating) = (true, true);
+            let window = egui::Window::new(*title)
+                .id(egui::Id::unique(("floating", *panel)))
+                .open(&mut stays_open)
+                .default_pos(free_place(city, size, &taken))
+                .default_size(size)
+                .resizable(true)
+                .collapsible(false)
+                .constrain_to(room);
+            let response = window.show(ui.ctx(), |ui| {
+                stays_floating = !dock_button(ui);
+                show(ui, state, shown, actions);
+            });
+            taken.extend(response.map(|response| response.response.rect));
+            if !stays_open {
+                close(state);
+            }
+            if !stays_floating {
+                self.floating.remove(panel);
+            }
+        }
+    }
+}
+
+fn dock_button(ui: &mut Ui) -> bool {
+    let line = vec2(ui.available_width(), ui.spacing().interact_size.y);
+    let layout = egui::Layout::right_to_left(egui::Align::Center);
+    let dock = ui.allocate_ui_with_layout(line, layout, |ui| ui.small_button("Dock")).inner;
+    dock.on_hover_text("Put it beside the city").clicked()
+}
+
+/// The first corner of the city where a window of a size hides no other, else the first corner.
+fn free_place(city: Rect, size: Vec2, taken: &[Rect]) -> Pos2 {
+    let inside = city.shrink(12.0);
+    let corners = [Align2::LEFT_TOP, Align2::RIGHT_TOP, Align2::LEFT_BOTTOM, Align2::RIGHT_BOTTOM];
+    let places = corners.map(|corner| corner.align_size_within_rect(size, inside));
+    let free = places.iter().find(|place| !taken.iter().any(|other| other.intersects(**place)));
+    free.unwrap_or(&places[0]).min
+}
+
+/// Shows the tiles of one frame, and notes what their buttons ask for.
+struct Dock<'a, 'v> {
+    state: &'a mut UiState,
+    shown: &'a ViewModel<'v>,
+    actions: &'a mut Vec<UiAction>,
+    hidden: BTreeSet<u64>,
+    city: Option<TileId>,
+    closed: Option<Panel>,
+    lifted: Option<Panel>,
+}
+
+impl Behavior<Panel> for Dock<'_, '_> {
+    fn pane_ui(&mut self, ui: &mut Ui, _tile: TileId, panel: &mut Panel) -> UiResponse {
+        let show = entry(*panel).show;
+        if *panel == Panel::City {
+            show(ui, self.state, self.shown, self.actions);
+        } else {
+            egui::Frame::new().inner_margin(egui::Margin::symmetric(8, 4)).show(ui, |ui| {
+                // A panel keeps its size whatever it holds.
+                ui.set_min_size(ui.available_size().max(Vec2::ZERO));
+                show(ui, self.state, self.shown, self.actions);
+            });
+        }
+        UiResponse::None
+    }
+
+    fn tab_title_for_pane(&mut self, panel: &Panel) -> WidgetText {
+        entry(*panel).title.into()
+    }
+
+    fn is_tab_closable(&self, _tiles: &Tiles<Panel>, tile: TileId) -> bool {
+        Some(tile) != self.city
+    }
+
+    fn on_tab_close(&mut self, tiles: &mut Tiles<Panel>, tile: TileId) -> bool {
+        self.closed = tiles.get_pane(&tile).copied();
+        // A closed panel keeps its place.
+        false
+    }
+
+    fn top_bar_right_ui(
+        &mut self,
+        tiles: &Tiles<Panel>,
+        ui: &mut Ui,
+        _tile: TileId,
+        tabs: &Tabs,
+        _scroll: &mut f32,
+    ) {
+        let active = tabs.active.filter(|tile| Some(*tile) != self.city);
+        let Some(panel) = active.and_then(|tile| tiles.get_pane(&tile)) else { return };
+        if ui.small_button("Float").on_hover_text("Lift this panel over the city").clicked() {
+            self.lifted = Some(*panel);
+        }
+    }
+
+    fn tab_bar_height(&self, _style: &egui::Style) -> f32 {
+        TAB_BAR
+    }
+
+    /// The city alone needs no title.
+    fn is_tab_bar_visible(&self, _tile: TileId, tabs: &Tabs) -> bool {
+        let mut shown = tabs.children.iter().filter(|tile| !self.hidden.contains(&tile.0));
+        !(shown.next() == self.city.as_ref() && shown.next().is_none())
+    }
+
+    fn min_size(&self) -> f32 {
+        sizes::LEAST
+    }
+
+    fn simplification_options(&self) -> SimplificationOptions {
+        SimplificationOptions { all_panes_must_have_tabs: true, ..SimplificationOptions::default() }
+    }
+}

@@ -1,0 +1,118 @@
+//! The legend in the city view: what the colours of the visible layers mean.
+
+use super::colouring::{ColourBy, scale};
+use super::{UiState, ViewModel, control_zones, overlay, status};
+use city3d_protocol::snapshot::Status;
+use egui::{Align2, Color32, FontId, Rect, Shape, Stroke, Ui, Vec2};
+
+/// A line of the legend.
+#[derive(Clone, Debug, PartialEq)]
+struct LegendLine {
+    mark: LegendMark,
+    text: String,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum LegendMark {
+    Line(Color32),
+    Sign(Status),
+    Scale,
+}
+
+impl LegendLine {
+    fn new(colour: Color32, text: impl Into<String>) -> Self {
+        Self { mark: LegendMark::Line(colour), text: text.into() }
+    }
+}
+
+/// The lines for the visible layers.
+fn lines(state: &UiState, shown: &ViewModel<'_>) -> Vec<LegendLine> {
+    let layers = &state.layers;
+    let mut lines = Vec::new();
+    let mut add = |is_visible: bool, colour: Color32, text: &str| {
+        if is_visible {
+            lines.push(LegendLine::new(colour, text));
+        }
+    };
+    add(layers.lanes, overlay::LANE, "lane");
+    add(layers.zones, overlay::CROSSING, "conflict zone: crossing");
+    add(layers.zones, overlay::MERGE, "conflict zone: merge");
+    if let Some(id) = state.selection.vehicle {
+        let colour = overlay::body_colour(shown, id);
+        add(layers.routes || layers.all_routes, colour, &format!("route of vehicle {id}"));
+    }
+    add(layers.all_routes, Color32::from_gray(150), "routes of the others, in their colours");
+    add(layers.tracks, overlay::DRIVEN, "driven path, the last 20 s");
+    add(layers.path, overlay::PLANNED, "way ahead, a dot every second");
+    add(layers.gaps, overlay::GAP, "gap to the vehicle ahead");
+    add(layers.gaps, overlay::CLOSE_GAP, "gap of less than 1 s");
+    add(layers.measured, overlay::MEASURED, measured_words(shown));
+    add(layers.frusta, overlay::FRUSTUM, "what a camera sees");
+    if layers.control_zones && !lines.is_empty() {
+        for (zone, area) in shown.control_zones.iter().enumerate() {
+            let text = format!("control zone {}", area.name);
+            lines.push(LegendLine::new(control_zones::zone_colour(zone), text));
+        }
+    }
+    lines.extend(colours(layers.colour, layers.boxes || !lines.is_empty()));
+    lines
+}
+
+fn measured_words(shown: &ViewModel<'_>) -> &'static str {
+    let decisions = shown.run_state.insight.as_ref().and_then(|insight| insight.decisions.as_ref());
+    if decisions.is_some() { "measured pose" } else { "measured pose: not told by this source" }
+}
+
+/// What the colours of vehicles mean.
+fn colours(by: ColourBy, wants_statuses: bool) -> Vec<LegendLine> {
+    let Some([least, most]) = by.ends() else {
+        let told = [Status::Driving, Status::Yielding, Status::Stopped, Status::Manual, Status::Collided];
+        let line = |status: Status| LegendLine {
+            mark: LegendMark::Sign(status),
+            text: status::label(status).to_owned(),
+        };
+        return if wants_statuses { told.map(line).into() } else { Vec::new() };
+    };
+    vec![LegendLine { mark: LegendMark::Scale, text: format!("{}: {least} to {most}", by.label()) }]
+}
+
+const ROW: f32 = 16.0;
+const MARK: f32 = 26.0;
+
+/// Paints the legend at the left edge of a rectangle, below the name of the followed vehicle.
+pub fn paint(ui: &Ui, rect: Rect, state: &UiState, shown: &ViewModel<'_>) {
+    let lines = if state.layers.legend { lines(state, shown) } else { Vec::new() };
+    if lines.is_empty() || rect.height() < 200.0 {
+        return;
+    }
+    let painter = ui.painter_at(rect);
+    let font = FontId::proportional(11.5);
+    let texts: Vec<_> = lines
+        .iter()
+        .map(|line| painter.layout_no_wrap(line.text.clone(), font.clone(), Color32::from_gray(235)))
+        .collect();
+    let width = texts.iter().map(|text| text.size().x).fold(0.0, f32::max) + MARK;
+    let corner = rect.left_top() + Vec2::new(14.0, 44.0);
+    let ground = Rect::from_min_size(corner, Vec2::new(width, ROW * lines.len() as f32));
+    painter.rect_filled(ground.expand(6.0), 4.0, Color32::from_black_alpha(160));
+    for (row, (line, text)) in lines.iter().zip(texts).enumerate() {
+        let left = corner + Vec2::new(0.0, ROW * (row as f32 + 0.5));
+        let right = left + Vec2::new(MARK - 8.0, 0.0);
+        match line.mark {
+            LegendMark::Line(colour) => {
+                painter.add(Shape::line_segment([left, right], Stroke::new(3.0, colour)));
+            }
+            LegendMark::Sign(of) => status::paint_sign(&painter, left.lerp(right, 0.5), 4.0, of),
+            LegendMark::Scale => {
+                for step in 0..6_u8 {
+                    let share = f32::from(step) / 6.0;
+                    let ends = [left.lerp(right, share), left.lerp(right, share + 1.0 / 6.0)];
+                    let colour = scale(f64::from(share) * 1.2);
+                    painter.add(Shape::line_segment(ends, Stroke::new(7.0, colour)));
+                }
+            }
+        }
+        let place = Align2::LEFT_CENTER.anchor_size(left + Vec2::new(MARK, 0.0), text.size());
+        painter.galley(place.min, text, Color32::WHITE);
+    }
+}

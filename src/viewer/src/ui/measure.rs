@@ -1,0 +1,93 @@
+//! The measure tool: a line through points of the ground, with the lengths of its parts and of the whole.
+
+use super::layers::Canvas;
+use super::overlay;
+use city3d_render::Overlay;
+use egui::{Align2, Color32, Pos2, Rect};
+use glam::DVec2;
+
+/// State of the measure tool.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Measure {
+    /// Clicks in the city add points.
+    pub is_on: bool,
+    /// Points of the ground, city frame.
+    pub points: Vec<DVec2>,
+    /// The place under the mouse, to which the line goes on.
+    next: Option<DVec2>,
+}
+
+const COLOUR: Color32 = Color32::from_rgb(120, 240, 255);
+
+impl Measure {
+    /// Begins at a point of the ground.
+    pub fn begin(&mut self, at: Option<DVec2>) {
+        *self = Self { is_on: true, points: at.into_iter().collect(), next: None };
+    }
+
+    /// Ends, and removes the line.
+    pub fn end(&mut self) {
+        *self = Self::default();
+    }
+
+    /// The line goes on to the place under the mouse.
+    pub(super) fn point_at(&mut self, next: Option<DVec2>) {
+        self.next = next.filter(|_| self.is_on);
+    }
+
+    /// Adds a point, if the tool is on; returns whether it is.
+    pub(super) fn click(&mut self, at: Option<DVec2>) -> bool {
+        if self.is_on {
+            self.points.extend(at);
+        }
+        self.is_on
+    }
+
+    fn line(&self) -> Vec<DVec2> {
+        self.points.iter().copied().chain(self.next).collect()
+    }
+
+    /// Length of the line, metres.
+    pub fn length_m(&self) -> f64 {
+        self.line().windows(2).map(|pair| pair[0].distance(pair[1])).sum()
+    }
+
+    /// Adds the line to an overlay.
+    pub(super) fn add(&self, to: &mut Overlay) {
+        let line: Vec<_> = self.line().into_iter().map(overlay::above).collect();
+        to.polyline(&line, 3.0, overlay::paint(COLOUR, 1.0));
+        for point in &self.points {
+            overlay::disc(to, *point, 0.4, overlay::paint(COLOUR, 1.0));
+        }
+    }
+
+    /// Writes the lengths, and how the tool is used.
+    pub(super) fn paint(&self, canvas: &Canvas<'_>) {
+        if !self.is_on {
+            return;
+        }
+        let mut taken: Vec<Rect> = Vec::new();
+        for pair in self.line().windows(2) {
+            if let Some(place) = canvas.place(overlay::above((pair[0] + pair[1]) / 2.0)) {
+                canvas.text(place, &metres(pair[0].distance(pair[1])), COLOUR, &mut taken);
+            }
+        }
+        let text = match self.points.len() {
+            0 => "Measure: click the first point. Esc ends".to_owned(),
+            _ => format!("Measure: {} in all. Click the next point, Esc ends", metres(self.length_m())),
+        };
+        let rect = canvas.rect();
+        let place = Pos2::new(rect.center().x, rect.bottom() - 24.0);
+        let size = egui::vec2(8.0, 4.0);
+        let font = egui::FontId::proportional(13.0);
+        let galley = canvas.painter().layout_no_wrap(text, font, Color32::WHITE);
+        let ground = Align2::CENTER_CENTER.anchor_size(place, galley.size());
+        canvas.painter().rect_filled(ground.expand2(size), 4.0, Color32::from_black_alpha(190));
+        canvas.painter().galley(ground.min, galley, Color32::WHITE);
+    }
+}
+
+/// A length in words.
+pub(super) fn metres(length_m: f64) -> String {
+    if length_m < 100.0 { format!("{length_m:.1} m") } else { format!("{length_m:.0} m") }
+}

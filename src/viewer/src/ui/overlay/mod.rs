@@ -1,0 +1,56 @@
+//! Overlays in the city, as geometry that the renderer hides behind what is in front of it: roads, routes, paths, and what
+//! belongs to vehicles. Texts are painted by [`super::layers`].
+
+mod roads;
+mod vehicles;
+
+pub(super) use roads::{CROSSING, LANE, MERGE, body_colour};
+pub(super) use vehicles::{CLOSE_GAP, CLOSE_S, DRIVEN, FRUSTUM, GAP, MEASURED, PLANNED, bumper_gap, corners};
+
+use super::layers::Canvas;
+use super::{UiState, ViewModel};
+use city3d_geometry::trig;
+use city3d_render::{Overlay, OverlayPaint};
+use egui::Color32;
+use glam::{DVec2, DVec3};
+
+/// Height of overlays above the road.
+pub(super) const ABOVE_ROAD_M: f64 = 0.12;
+/// Share of the opacity of the outline of the selected vehicle behind walls.
+const OUTLINE_BEHIND: f32 = 0.35;
+
+/// The overlay of a frame: what the layers show.
+pub fn build(state: &UiState, shown: &ViewModel<'_>, canvas: &Canvas<'_>) -> Overlay {
+    // Widths of lines are points; the picture may be coarser than the screen.
+    let pixels_per_point = canvas.view().extent[0] as f32 / canvas.rect().width().max(1.0);
+    let mut overlay = Overlay::new(pixels_per_point);
+    roads::add(&mut overlay, state, shown);
+    super::plans::add(&mut overlay, state, shown);
+    vehicles::add(&mut overlay, state, shown, canvas);
+    state.measure.add(&mut overlay);
+    overlay
+}
+
+/// A paint that is hidden by what is in front; `opacity` multiplies that of the colour.
+pub(super) fn paint(colour: Color32, opacity: f32) -> OverlayPaint {
+    let [r, g, b, a] = colour.to_srgba_unmultiplied();
+    OverlayPaint::hidden([r, g, b, (f32::from(a) * opacity).round() as u8])
+}
+
+/// A point above the road.
+pub(super) fn above(point: DVec2) -> DVec3 {
+    point.extend(ABOVE_ROAD_M)
+}
+
+/// A disc on the road.
+pub(super) fn disc(overlay: &mut Overlay, middle: DVec2, radius_m: f64, paint: OverlayPaint) {
+    const CORNERS: u8 = 8;
+    let corner = |k: u8| {
+        let (sin, cos) = trig::sin_cos(std::f64::consts::TAU * f64::from(k) / f64::from(CORNERS));
+        above(middle + DVec2::new(cos, sin) * radius_m)
+    };
+    let rim: Vec<DVec3> = (0..CORNERS).map(corner).collect();
+    for k in 0..rim.len() {
+        overlay.triangle([above(middle), rim[k], rim[(k + 1) % rim.len()]], paint);
+    }
+}

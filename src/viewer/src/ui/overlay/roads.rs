@@ -1,0 +1,118 @@
+//! Overlays of the road network: lanes, conflict zones, control zones, routes.
+
+use super::super::control_zones::{ControlZoneArea, zone_colour};
+use super::super::{UiState, ViewModel};
+use super::{above, paint};
+use city3d_protocol::snapshot::VehicleId;
+use city3d_render::{Overlay, OverlayPaint};
+use city3d_roadmap::{CityMap, LaneId, ZoneKind};
+use egui::Color32;
+use glam::DVec3;
+
+/// Sampling step of lines along lanes.
+const STEP_M: f64 = 2.0;
+/// Opacity of control zones: the road stays visible below, also where lanes cross.
+const ZONE_TINT: f32 = 0.22;
+/// Colours of lanes and conflict zones, which the legend explains.
+pub const LANE: Color32 = Color32::from_rgb(120, 220, 255);
+pub const MERGE: Color32 = Color32::from_rgb(255, 180, 60);
+pub const CROSSING: Color32 = Color32::from_rgb(255, 90, 80);
+/// Routes of different vehicles lie beside one another: so many places, so far apart.
+const ROUTE_PLACES: u32 = 7;
+const ROUTE_SPACING_M: f64 = 0.4;
+
+/// Adds the layers of roads that are visible.
+pub fn add(overlay: &mut Overlay, state: &UiState, shown: &ViewModel<'_>) {
+    let (map, layers) = (shown.map, &state.layers);
+    if layers.control_zones {
+        shown.control_zones.iter().enumerate().for_each(|zone| control_zone(overlay, map, zone));
+    }
+    if layers.zones {
+        conflict_zones(overlay, map);
+    }
+    if layers.lanes {
+        for lane in &map.lanes {
+            overlay.polyline(&line(map, lane.id, whole(map, lane.id), 0.0), 1.2, paint(LANE, 0.7));
+        }
+    }
+    routes(overlay, state, shown);
+}
+
+fn whole(map: &CityMap, lane: LaneId) -> (f64, f64) {
+    (0.0, map.lane(lane).curve.length())
+}
+
+/// A line along a lane, some metres to the left of its middle.
+fn line(map: &CityMap, lane: LaneId, (from_m, to_m): (f64, f64), left_m: f64) -> Vec<DVec3> {
+    let curve = &map.lane(lane).curve;
+    let count = ((to_m - from_m) / STEP_M).ceil().max(1.0) as u32;
+    let at = |k: u32| curve.at(from_m + (to_m - from_m) * f64::from(k) / f64::from(count)).pose;
+    (0..=count).map(|k| above(at(k).point_at(0.0, left_m))).collect()
+}
+
+fn conflict_zones(overlay: &mut Overlay, map: &CityMap) {
+    for zone in &map.zones {
+        let colour = match zone.kind {
+            ZoneKind::Cross => CROSSING,
+            ZoneKind::Merge => MERGE,
+            ZoneKind::Diverge => continue,
+        };
+        for side in &zone.sides {
+            let points = line(map, side.lane, (side.from_m, side.to_m), 0.0);
+            overlay.polyline(&points, 3.0, paint(colour, 0.8));
+        }
+    }
+}
+
+/// Tints a control zone, with a line at each entry.
+fn control_zone(overlay: &mut Overlay, map: &CityMap, (zone, area): (usize, &ControlZoneArea)) {
+    let colour = zone_colour(zone);
+    for stretch in &area.stretches {
+        let half_m = map.lane(stretch.lane).width_m / 2.0;
+        let [left, right] =
+            [half_m, -half_m].map(|m| line(map, stretch.lane, (stretch.from_m, stretch.to_m), m));
+        overlay.strip(&left, &right, paint(colour, ZONE_TINT));
+    }
+    for &(lane, at_m) in &area.entries {
+        let lane = map.lane(lane);
+        let pose = lane.curve.at(at_m).pose;
+        let ends = [0.5, -0.5].map(|share| above(pose.point_at(0.0, share * lane.width_m)));
+        overlay.line(ends, 2.5, paint(colour, 1.0));
+    }
+}
+
+/// Routes: those of all vehicles thin and beside one another, that of the selected one wide, with its own colour and a white
+/// edge, on top of them.
+fn routes(overlay: &mut Overlay, state: &UiState, shown: &ViewModel<'_>) {
+    let selected = state.selection.vehicle;
+    if state.layers.all_routes {
+        for vehicle in &shown.interpolated.vehicles {
+            if selected != Some(vehicle.id) {
+                route(overlay, shown, vehicle.id, (1.6, paint(body_colour(shown, vehicle.id), 0.55)));
+            }
+        }
+    }
+    if let Some(id) = selected.filter(|_| state.layers.routes || state.layers.all_routes) {
+        route(overlay, shown, id, (6.0, paint(Color32::WHITE, 0.8)));
+        route(overlay, shown, id, (4.0, paint(body_colour(shown, id), 1.0)));
+    }
+}
+
+fn route(overlay: &mut Overlay, shown: &ViewModel<'_>, id: VehicleId, (width, paint): (f32, OverlayPaint)) {
+    let mut lanes = shown.routes.get(&id).cloned().unwrap_or_default();
+    lanes.sort_unstable();
+    lanes.dedup();
+    let place = f64::from(id.0 % ROUTE_PLACES) - f64::from(ROUTE_PLACES - 1) / 2.0;
+    for lane in lanes {
+        let points = line(shown.map, lane, whole(shown.map, lane), place * ROUTE_SPACING_M);
+        overlay.polyline(&points, width, paint);
+    }
+}
+
+/// The colour of a body, lifted so that dark bodies show on the road.
+pub fn body_colour(shown: &ViewModel<'_>, id: VehicleId) -> Color32 {
+    let colour = shown.interpolated.info(id).map(|info| info.appearance.colour);
+    let lift = |channel: u8| 90 + (u16::from(channel) * 165 / 255) as u8;
+    let [r, g, b] = colour.unwrap_or([140, 150, 160]).map(lift);
+    Color32::from_rgb(r, g, b)
+}

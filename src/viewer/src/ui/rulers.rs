@@ -1,0 +1,109 @@
+//! Scale bar, north arrow, and the place under the mouse: coordinates and the lane.
+
+use super::layers::Canvas;
+use super::{UiState, ViewModel, map};
+use egui::{Align2, Color32, FontId, Pos2, Rect, Stroke, Vec2};
+use glam::{DVec2, DVec3};
+
+/// Longest scale bar, points.
+const LONGEST: f64 = 120.0;
+/// From the corner of the view, points.
+const MARGIN: f32 = 14.0;
+const COLOUR: Color32 = Color32::from_gray(235);
+const GROUND: Color32 = Color32::from_black_alpha(150);
+
+/// Paints the rulers, while their layer is visible. `pointed` is the place of the mouse in the view.
+pub fn paint(canvas: &Canvas<'_>, state: &UiState, shown: &ViewModel<'_>, pointed: Option<Pos2>) {
+    let rect = canvas.rect();
+    if !state.layers.rulers || rect.width() < 320.0 || rect.height() < 240.0 {
+        return;
+    }
+    let corner = rect.right_bottom() - Vec2::splat(MARGIN);
+    if let Some((length_m, points)) = scale(canvas) {
+        scale_bar(canvas, corner, (length_m, points as f32));
+    }
+    north(canvas, corner - Vec2::new(16.0, 46.0));
+    if let Some(ground) = pointed.and_then(|at| canvas.ground_at(at)) {
+        let text = place_words(shown, ground);
+        let left = rect.left_bottom() + Vec2::new(MARGIN, -MARGIN);
+        label(canvas, (left, Align2::LEFT_BOTTOM), text);
+    }
+}
+
+/// A point of the ground in words: coordinates, and the lane there.
+pub fn place_words(shown: &ViewModel<'_>, ground: DVec2) -> String {
+    let [x, y] = [ground.x, ground.y].map(super::vehicles::tenths);
+    let lane = shown.traffic.lanes().lane_under(shown.map, ground);
+    let lane = lane.map_or_else(String::new, |(lane, at_m)| {
+        format!("   lane {}, {} m", shown.map.lane(lane).name, super::vehicles::tenths(at_m))
+    });
+    format!("x {x} m   y {y} m{lane}")
+}
+
+fn label(canvas: &Canvas<'_>, (at, align): (Pos2, Align2), text: String) {
+    let galley = canvas.painter().layout_no_wrap(text, FontId::proportional(12.0), COLOUR);
+    let place = align.anchor_size(at, galley.size());
+    canvas.painter().rect_filled(place.expand2(Vec2::new(6.0, 3.0)), 4.0, GROUND);
+    canvas.painter().galley(place.min, galley, COLOUR);
+}
+
+/// Length and width on the screen of a bar of a round length, for the ground in the middle of the view; `None` where the
+/// middle shows no ground.
+fn scale(canvas: &Canvas<'_>) -> Option<(f64, f64)> {
+    let ground = canvas.ground_at(canvas.rect().center())?.extend(0.0);
+    let view = canvas.view();
+    let right = view.extrinsics.orientation * DVec3::X;
+    let points_of_metre = f64::from(canvas.place(ground + right)?.distance(canvas.place(ground)?));
+    let length_m = round_below(LONGEST / points_of_metre)?;
+    Some((length_m, length_m * points_of_metre))
+}
+
+/// The largest of 1, 2, 5, 10, 20 ... up to a length.
+fn round_below(most_m: f64) -> Option<f64> {
+    let steps = [1.0, 2.0, 5.0].into_iter();
+    let all = [0.1, 1.0, 10.0, 100.0].into_iter().flat_map(|power| steps.clone().map(move |s| s * power));
+    all.take_while(|length_m| *length_m <= most_m).last()
+}
+
+fn scale_bar(canvas: &Canvas<'_>, corner: Pos2, (length_m, points): (f64, f32)) {
+    let ground = Rect::from_min_max(corner - Vec2::new(points + 12.0, 26.0), corner + Vec2::new(4.0, 4.0));
+    let painter = canvas.painter();
+    painter.rect_filled(ground, 4.0, GROUND);
+    let (left, right) = (corner - Vec2::new(points + 4.0, 2.0), corner - Vec2::new(4.0, 2.0));
+    let stroke = Stroke::new(2.0, COLOUR);
+    painter.line_segment([left, right], stroke);
+    for end in [left, right] {
+        painter.line_segment([end, end - Vec2::new(0.0, 5.0)], stroke);
+    }
+    let text = if length_m < 1.0 { format!("{length_m:.1} m") } else { format!("{length_m:.0} m") };
+    let middle = left.lerp(right, 0.5) - Vec2::new(0.0, 6.0);
+    painter.text(middle, Align2::CENTER_BOTTOM, text, FontId::proportional(11.0), COLOUR);
+}
+
+/// An arrow to the north as it lies on the screen.
+fn north(canvas: &Canvas<'_>, middle: Pos2) {
+    let camera_from_city = canvas.view().extrinsics.orientation.inverse();
+    let north = camera_from_city * DVec3::Y;
+    let on_screen = Vec2::new(north.x as f32, north.y as f32);
+    if on_screen.length() < 0.05 {
+        return;
+    }
+    let painter = canvas.painter();
+    painter.circle_filled(middle, 15.0, GROUND);
+    map::paint_arrow(painter, middle, on_screen.normalized(), (9.0, COLOUR));
+    let text = middle - on_screen.normalized() * 8.0;
+    painter.text(text, Align2::CENTER_CENTER, "N", FontId::proportional(10.0), COLOUR);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn bars_have_round_lengths_that_fit() {
+        for (most_m, length_m) in [(0.25, 0.2), (1.9, 1.0), (4.99, 2.0), (77.0, 50.0), (9999.0, 500.0)] {
+            assert_eq!(round_below(most_m), Some(length_m));
+        }
+        assert_eq!(round_below(0.05), None);
+    }
+}

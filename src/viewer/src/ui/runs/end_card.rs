@@ -1,0 +1,123 @@
+//! The card of a finished run: what came of it, and what to do next.
+
+use super::super::{CityKind, UiAction, UiState, ViewModel};
+use super::fields::seed;
+use city3d_logbook::measures::RunMeasures;
+use city3d_protocol::snapshot::Status;
+use city3d_session::{Order, RunPhase};
+use egui::{Grid, RichText, TextEdit, Ui};
+
+/// State of the card.
+#[derive(Clone, Debug, Default)]
+pub struct EndCard {
+    /// The run whose card was closed.
+    closed: Option<u32>,
+    /// The seed of the next run as it is typed, and the run after which it is.
+    seed: (String, Option<u32>),
+}
+
+/// Shows the card once the scenario's duration is over.
+pub(super) fn window(ui: &Ui, state: &mut UiState, shown: &ViewModel<'_>, actions: &mut Vec<UiAction>) {
+    let run_state = shown.run_state;
+    let is_finished =
+        run_state.phase == RunPhase::Over && shown.city == CityKind::Local && shown.replay.is_none();
+    let Some(outcome) = run_state.outcome.as_ref().filter(|_| is_finished) else { return };
+    let card = &mut state.runs.end_card;
+    if card.closed == Some(run_state.run) {
+        return;
+    }
+    if card.seed.1 != Some(run_state.run) {
+        card.seed = (outcome.seed.wrapping_add(1).to_string(), Some(run_state.run));
+    }
+    let measures = RunMeasures::of(outcome);
+    let units = state.preferences.units;
+    let mean_speed = format!("{} {}", units.number(measures.mean_speed_mps, shown.scale()), units.label());
+    let mut is_open = true;
+    let mut compares = false;
+    let window = super::super::sheet(ui, "Run finished").collapsible(false).open(&mut is_open);
+    window.show(ui.ctx(), |ui| {
+        ui.set_max_width(430.0);
+        ui.label(format!(
+            "{}, seed {}: {:.1} s simulated",
+            measures.scenario, measures.seed, measures.simulated_s
+        ));
+        ui.add_space(4.0);
+        results(ui, &measures, &mean_speed);
+        if run_state.now.vehicles.iter().any(|vehicle| vehicle.status == Status::Collided) {
+            ui.label("Vehicles that have collided stay where they are: a new run puts all of them back.");
+        }
+        ui.add_space(4.0);
+        log(ui, shown);
+        ui.separator();
+        ui.horizontal(|ui| {
+            let replay = ui.add_enabled(run_state.folder.is_some(), egui::Button::new("Replay"));
+            if replay.on_hover_text("Play the run from its log: the run ends here").clicked() {
+                actions.push(UiAction::Replay);
+            }
+            compares =
+                ui.button("Compare with ...").on_hover_text("Another recorded run, side by side").clicked();
+            let tip =
+                format!("Simulate beyond the {} s of the scenario, until paused (Space)", shown.duration_s);
+            if !run_state.has_ended && ui.button("Continue").on_hover_text(tip).clicked() {
+                actions.push(UiAction::Order(Order::Start));
+            }
+        });
+        if shown.runs.may_run_again {
+            run_again(ui, &mut card.seed.0, actions);
+        }
+    });
+    if !is_open {
+        card.closed = Some(run_state.run);
+    }
+    if compares {
+        state.runs.comparison.choose();
+    }
+}
+
+fn results(ui: &mut Ui, measures: &RunMeasures, mean_speed: &str) {
+    let longest = measures.vehicles.values().max_by(|a, b| a.longest_stand_s.total_cmp(&b.longest_stand_s));
+    Grid::new("results").num_columns(2).spacing([18.0, 3.0]).show(ui, |ui| {
+        let mut row = |name: &str, value: String, is_bad: bool| {
+            ui.label(name);
+            let value = RichText::new(value).strong();
+            ui.label(if is_bad { value.color(ui.visuals().error_fg_color) } else { value });
+            ui.end_row();
+        };
+        row("Collisions", measures.collisions.to_string(), measures.collisions > 0);
+        row("Stops", measures.stops().to_string(), false);
+        row("Mean speed", mean_speed.to_owned(), false);
+        if let Some(vehicle) = longest.filter(|vehicle| vehicle.longest_stand_s >= 0.1) {
+            row("Longest stand", format!("{:.1} s, {}", vehicle.longest_stand_s, vehicle.name), false);
+        }
+    });
+}
+
+fn log(ui: &mut Ui, shown: &ViewModel<'_>) {
+    let Some(folder) = &shown.run_state.folder else {
+        ui.label("The run was not recorded.");
+        return;
+    };
+    let path = folder.display().to_string();
+    ui.horizontal(|ui| {
+        ui.label("Log:");
+        if ui.button("Copy path").clicked() {
+            ui.ctx().copy_text(path.clone());
+        }
+    });
+    ui.add(egui::Label::new(RichText::new(path).small()).wrap());
+}
+
+fn run_again(ui: &mut Ui, text: &mut String, actions: &mut Vec<UiAction>) {
+    let found = seed(text);
+    ui.horizontal(|ui| {
+        let tip = "The same scenario from its beginning, with this seed";
+        if ui.add_enabled(found.is_ok(), egui::Button::new("Run again")).on_hover_text(tip).clicked() {
+            actions.push(UiAction::RunAgain(found.clone().ok()));
+        }
+        let label = ui.label("with seed");
+        ui.add(TextEdit::singleline(text).desired_width(70.0)).labelled_by(label.id);
+    });
+    if let Err(why) = found {
+        ui.colored_label(ui.visuals().error_fg_color, why);
+    }
+}

@@ -1,0 +1,160 @@
+//! Themes: colours of panels, texts and statuses.
+
+mod preferences;
+
+pub use preferences::{Preferences, SCALES, SpeedUnit, StatusColours, Theme};
+
+use city3d_protocol::snapshot::Status;
+use egui::{Color32, Context, Id, Stroke, Visuals};
+
+/// Gives the context the user's theme and scale, once after a change.
+pub(super) fn apply(context: &Context, preferences: Preferences) {
+    if of(context) == Some(preferences) {
+        return;
+    }
+    let (theme, visuals) = match preferences.theme {
+        Theme::Dark => (egui::Theme::Dark, dark()),
+        Theme::Light => (egui::Theme::Light, light()),
+    };
+    context.set_theme(theme);
+    context.set_visuals_of(theme, visuals);
+    context.set_zoom_factor(preferences.scale);
+    // Ctrl with + and - are actions.
+    context.options_mut(|options| options.zoom_with_keyboard = false);
+    context.data_mut(|data| data.insert_temp(Id::unique(KEY), preferences));
+}
+
+/// Where a context has the preferences that were applied to it.
+const KEY: &str = "preferences";
+
+fn of(context: &Context) -> Option<Preferences> {
+    context.data(|data| data.get_temp(Id::unique(KEY)))
+}
+
+/// Background of the panels in a context. The painter clears to it; the panels do not paint it.
+pub fn ground(context: &Context) -> Color32 {
+    ground_of(of(context).unwrap_or_default().theme)
+}
+
+fn ground_of(theme: Theme) -> Color32 {
+    match theme {
+        Theme::Dark => Color32::from_gray(27),
+        Theme::Light => Color32::from_gray(248),
+    }
+}
+
+/// The background behind labels over the city, in every theme: dark and nearly opaque.
+pub const ON_PICTURE: Color32 = Color32::from_black_alpha(215);
+
+fn dark() -> Visuals {
+    let mut visuals = Visuals::dark();
+    let ground = ground_of(Theme::Dark);
+    (visuals.panel_fill, visuals.window_fill) = (ground, ground);
+    visuals.weak_text_color = Some(Color32::from_gray(160));
+    visuals.widgets.noninteractive.fg_stroke.color = Color32::from_gray(205);
+    visuals.widgets.inactive.fg_stroke.color = Color32::from_gray(215);
+    visuals.selection.bg_fill = Color32::from_rgb(16, 48, 74);
+    visuals.selection.stroke = Stroke::new(1.0, Color32::from_rgb(205, 230, 255));
+    visuals.faint_bg_color = Color32::from_gray(33);
+    visuals
+}
+
+fn light() -> Visuals {
+    let mut visuals = Visuals::light();
+    let ground = ground_of(Theme::Light);
+    (visuals.panel_fill, visuals.window_fill) = (ground, ground);
+    visuals.weak_text_color = Some(Color32::from_gray(95));
+    visuals.widgets.noninteractive.fg_stroke.color = Color32::from_gray(50);
+    visuals.widgets.inactive.fg_stroke.color = Color32::from_gray(40);
+    visuals.selection.bg_fill = Color32::from_rgb(200, 226, 250);
+    visuals.selection.stroke = Stroke::new(1.0, Color32::from_rgb(0, 50, 100));
+    visuals.faint_bg_color = Color32::from_gray(238);
+    visuals.warn_fg_color = Color32::from_rgb(150, 75, 0);
+    visuals.error_fg_color = Color32::from_rgb(180, 0, 25);
+    visuals
+}
+
+/// The colour of a status on a panel.
+pub fn on_panel(context: &Context, status: Status) -> Color32 {
+    let preferences = of(context).unwrap_or_default();
+    status_colour(preferences.theme, preferences.colours, status)
+}
+
+/// The colour of a status on a picture of the city, which is as dark in every theme.
+pub fn on_picture(context: &Context, status: Status) -> Color32 {
+    status_colour(Theme::Dark, of(context).unwrap_or_default().colours, status)
+}
+
+/// A bright colour of the city, as of a control zone or of a body, for texts and lines on a panel.
+pub fn on_ground(context: &Context, colour: Color32) -> Color32 {
+    readable(of(context).unwrap_or_default().theme, colour)
+}
+
+fn readable(theme: Theme, colour: Color32) -> Color32 {
+    /// Share of a bright colour's light that is left on a light ground.
+    const DARKER: f32 = 0.43;
+    match theme {
+        Theme::Dark => colour,
+        Theme::Light => {
+            let [r, g, b] = [colour.r(), colour.g(), colour.b()].map(|c| (f32::from(c) * DARKER) as u8);
+            Color32::from_rgb(r, g, b)
+        }
+    }
+}
+
+fn status_colour(theme: Theme, colours: StatusColours, status: Status) -> Color32 {
+    let [r, g, b] = match (theme, colours) {
+        (Theme::Dark, StatusColours::Usual) => match status {
+            Status::Waiting => [165, 165, 165],
+            Status::Driving => [120, 200, 120],
+            Status::Yielding => [235, 195, 80],
+            Status::Stopped => [235, 140, 80],
+            Status::Manual => [110, 175, 255],
+            Status::LinkLost => [230, 120, 230],
+            Status::Collided => [255, 105, 105],
+            Status::Finished => [150, 170, 190],
+            Status::Physical => [90, 210, 210],
+            Status::Unseen => [200, 135, 135],
+        },
+        (Theme::Light, StatusColours::Usual) => match status {
+            Status::Waiting => [85, 85, 85],
+            Status::Driving => [20, 100, 30],
+            Status::Yielding => [115, 80, 0],
+            Status::Stopped => [150, 60, 0],
+            Status::Manual => [0, 75, 170],
+            Status::LinkLost => [140, 20, 140],
+            Status::Collided => [180, 0, 25],
+            Status::Finished => [70, 85, 105],
+            Status::Physical => [0, 95, 100],
+            Status::Unseen => [120, 50, 50],
+        },
+        (Theme::Dark, StatusColours::ColourBlind) => match status {
+            Status::Waiting => [160, 160, 160],
+            Status::Driving => [86, 180, 233],
+            Status::Yielding => [250, 240, 150],
+            Status::Stopped => [255, 175, 0],
+            Status::Manual => [235, 235, 255],
+            Status::LinkLost => [225, 135, 180],
+            Status::Collided => [255, 115, 105],
+            Status::Finished => [135, 165, 165],
+            Status::Physical => [80, 200, 160],
+            Status::Unseen => [200, 140, 90],
+        },
+        (Theme::Light, StatusColours::ColourBlind) => match status {
+            Status::Waiting => [85, 85, 85],
+            Status::Driving => [0, 85, 170],
+            Status::Yielding => [130, 85, 0],
+            Status::Stopped => [60, 20, 0],
+            Status::Manual => [85, 0, 200],
+            Status::LinkLost => [60, 45, 105],
+            Status::Collided => [185, 25, 70],
+            Status::Finished => [15, 15, 15],
+            Status::Physical => [0, 75, 0],
+            Status::Unseen => [150, 55, 110],
+        },
+    };
+    Color32::from_rgb(r, g, b)
+}
+
+#[cfg(test)]
+mod tests;

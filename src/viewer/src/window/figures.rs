@@ -1,0 +1,378 @@
+//! Charts of what the window shows: quantities over time at once, figures that need the lanes of all vehicles by a thread
+//! of their own.
+
+use crate::ui::{ChartKind, ChartState, ChartView};
+use city3d_logbook::figures::chart::Figure;
+use city3d_logbook::figures::{
+    FigureSet, FigureSize, RunLog, SeriesFigure, StreamLayout, Trace, TraceBuilder, write,
+};
+use city3d_logbook::record::LogOrigin;
+use city3d_protocol::snapshot::VehicleId;
+use city3d_session::RunHistory;
+use city3d_simulation::scenario::Experiment;
+use std::collections::BTreeSet;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::mpsc::{Receiver, TryRecvError, channel};
+
+/// Lanes are found anew when the run has gone on by this much, simulated seconds, and by this share of it.
+const LANES_EVERY_S: f64 = 2.0;
+const LANES_EVERY_SHARE: f64 = 0.1;
+
+/// The chart of a window, kept up with the run while it is open.
+pub(super) struct LiveFigures {
+    experiment: Arc<Experiment>,
+    origin: LogOrigin,
+    builder: TraceBuilder,
+    /// Revision of the history that the traces are of, and the number of states that they have.
+    read: (u64, usize),
+    /// The run with lanes, as of the time of its end.
+    run: Option<Arc<RunLog>>,
+    wanted: Option<WantedChart>,
+    figure: Option<Figure>,
+    trouble: Option<String>,
+    lanes: Option<Receiver<Arc<RunLog>>>,
+    saved: Vec<Receiver<String>>,
+}
+
+/// What a figure was made of.
+#[derive(Clone, Debug, PartialEq)]
+struct WantedChart {
+    charts: ChartState,
+    vehicles: Vec<VehicleId>,
+    states: (u64, usize),
+    /// End of the run with lanes, where it is drawn from that.
+    lanes_end_s: Option<f64>,
+}
+
+impl LiveFigures {
+    /// No chart is open yet.
+    pub(super) fn new(experiment: &Arc<Experiment>, origin: LogOrigin) -> Self {
+        Self {
+            experiment: Arc::clone(experiment),
+            origin,
+            builder: TraceBuilder::new(Arc::clone(experiment)),
+            read: (0, 0),
+            run: None,
+            wanted: None,
+            figure: None,
+            trouble: None,
+            lanes: None,
+            saved: Vec::new(),
+        }
+    }
+
+    /// The chart to show.
+    pub(super) fn view(&self) -> ChartView<'_> {
+        ChartView {
+            figure: self.figure.as_ref(),
+            trouble: self.trouble.as_deref(),
+            is_busy: self.lanes.is_some(),
+        }
+    }
+
+    /// Whether its threads have finished.
+    pub(super) fn is_settled(&self) -> bool {
+        self.lanes.is_none()
+    }
+
+    /// Draws the chart anew where what it shows has changed.
+    pub(super) fn update(&mut self, charts: &ChartState, selected: Option<VehicleId>, history: &RunHistory) {
+        self.read_states(history);
+        let vehicles = charts.shown(selected, self.builder.traces().map(|trace| trace.id));
+        let states = (history.revision(), history.states().len());
+        if charts.kind.needs_lanes() {
+            self.find_lanes();
+        }
+        let lanes_end_s = self.run.as_ref().map(|run| run.end_s).filter(|_| charts.kind.needs_lanes());
+        let wanted = WantedChart {
+            charts: charts.clone(),
+            vehicles,
+            // What has come since the lanes were found does not change a figure of them.
+            states: if charts.kind.needs_lanes() { (0, 0) } else { states },
+            lanes_end_s,
+        };
+        if self.wanted.as_ref() != Some(&wanted) {
+            (self.figure, self.trouble) = match self.draw(&wanted, false) {
+                Ok(figure) => (figure, None),
+                Err(trouble) => (None, Some(trouble)),
+            };
+            self.wanted = Some(wanted);
+        }
+    }
+
+    /// Adds the states of the history that the traces lack.
+    fn read_states(&mut self, history: &RunHistory) {
+        let (revision, states) = (history.revision(), history.states());
+        if self.read.0 != revision || states.len() < self.read.1 {
+            self.builder = TraceBuilder::new(Arc::clone(&self.experiment));
+            self.read = (revision, 0);
+        }
+        for state in &states[self.read.1..] {
+            for (vehicle, info) in state.vehicles() {
+                self.builder.describe(info);
+                self.builder.see(state.time_s(), &vehicle);
+            }
+        }
+        self.read.1 = states.len();
+    }
+
+    fn end_s(&self) -> f64 {
+        let last = |trace: &Trace| trace.samples.last().map_or(0.0, |sample| sample.time_s);
+        self.builder.traces().map(last).fold(0.0, f64::max)
+    }
+
+    /// Matches the traces to lanes on a thread of its own, when that is worth it.
+    fn find_lanes(&mut self) {
+        if let Some(lanes) = &self.lanes {
+            match lanes.try_recv() {
+                Ok(run) => (self.run, self.lanes) = (Some(run), None),
+                Err(TryRecvError::Disconnected) => self.lanes = None,
+                Err(TryRecvError::Empty) => return,
+            }
+        }
+        let end_s = self.end_s();
+        let known_s = self.run.as_ref().map(|run| run.end_s);
+        let is_due = known_s.is_none_or(|known_s| {
+            end_s < known_s || end_s - known_s > LANES_EVERY_S.max(LANES_EVERY_SHARE * end_s)
+        });
+        if !is_due || self.builder.traces().next().is_none() {
+            return;
+        }
+        let (sender, receiver) = channel();
+        let (builder, origin) = (self.builder.clone(), self.origin);
+        let work = move || {
+            // Nobody waits for it any more where the chart was closed.
+            let _ = sender.send(Arc::new(builder.finish(origin)));
+        };
+        if std::thread::Builder::new().name("lanes".to_owned()).spawn(work).is_ok() {
+            self.lanes = Some(receiver);
+        }
+    }
+
+    /// The figure; `None` while its lanes are being found.
+    ///
+    /// # Errors
+    /// Why there is none.
+    fn draw(&self, wanted: &WantedChart, with_table: bool) -> Result<Option<Figure>, String> {
+        let WantedChart { charts, vehicles, .. } = wanted;
+        if vehicles.is_empty() {
+            return Err("No vehicle has been seen yet.".to_owned());
+        }
+        if !charts.kind.needs_lanes() {
+            let traces: Vec<&Trace> = self.builder.traces().collect();
+            return Ok(self.series((charts, vehicles.as_slice()), &traces, &[], with_table));
+        }
+        let Some(run) = &self.run else { return Ok(None) };
+        if let ChartKind::Series(_) = charts.kind {
+            let traces: Vec<&Trace> = run.vehicles.iter().collect();
+            return Ok(self.series((charts, vehicles.as_slice()), &traces, &run.vehicles, with_table));
+        }
+        let layout = StreamLayout::of(run, None, None).map_err(|error| error.to_string())?;
+        if layout.streams.is_empty() {
+            return Err("No vehicle follows a lane yet.".to_owned());
+        }
+        // The figures of all vehicles say more than those of one.
+        let only: BTreeSet<VehicleId> = charts.vehicles.iter().copied().collect();
+        let runs = std::slice::from_ref(&**run);
+        let figures = FigureSet::new(runs, &layout, &only);
+        let mut figure = match charts.kind {
+            ChartKind::Positions if layout.merge.is_none() => {
+                return Err("No paths of this run merge so far.".to_owned());
+            }
+            ChartKind::Positions => figures.position(),
+            ChartKind::SpeedAlongPath => figures.speed(0),
+            ChartKind::SpaceTime | ChartKind::Series(_) => figures.space_time(),
+        };
+        if charts.span.length_s().is_finite() && charts.kind != ChartKind::SpeedAlongPath {
+            let from_s = (run.end_s - charts.span.length_s()).max(0.0);
+            figure.panels.iter_mut().for_each(|panel| panel.x = (from_s, run.end_s));
+        }
+        Ok(Some(figure))
+    }
+
+    fn series(
+        &self,
+        (charts, vehicles): (&ChartState, &[VehicleId]),
+        traces: &[&Trace],
+        all: &[Trace],
+        with_table: bool,
+    ) -> Option<Figure> {
+        let ChartKind::Series(quantity) = charts.kind else { return None };
+        let end_s = self.end_s();
+        let first = |trace: &&Trace| trace.samples.first().map_or(0.0, |sample| sample.time_s);
+        let begin_s = traces.iter().map(first).fold(f64::INFINITY, f64::min).min(end_s);
+        let shown = |id: &VehicleId| traces.iter().find(|trace| trace.id == *id).copied();
+        let figure = SeriesFigure {
+            quantity,
+            scale: charts.scale,
+            length_scale: self.experiment.scale,
+            scenario: &self.experiment.name,
+            span_s: ((end_s - charts.span.length_s()).max(begin_s), end_s),
+            shown: vehicles.iter().filter_map(shown).collect(),
+            all,
+        };
+        Some(figure.draw(with_table))
+    }
+
+    /// Writes the chart into a folder, on a thread of its own: SVG, PNG and CSV.
+    pub(super) fn save(&mut self, folder: &Path) {
+        let drawn = self.wanted.as_ref().and_then(|wanted| self.draw(wanted, true).ok().flatten());
+        let Some(mut figure) = drawn else { return };
+        let name = unused(folder, &figure.name);
+        figure.name.clone_from(&name);
+        let folder = folder.to_path_buf();
+        let (sender, receiver) = channel();
+        let work = move || {
+            let place = std::path::absolute(folder.join(&name)).unwrap_or_else(|_| PathBuf::from(&name));
+            let said = match write(&figure, FigureSize::Page, &folder) {
+                Ok(()) => format!("Chart: {}.svg, .png and .csv", place.display()),
+                Err(error) => error.to_string(),
+            };
+            // The window may have been closed.
+            let _ = sender.send(said);
+        };
+        if std::thread::Builder::new().name("chart".to_owned()).spawn(work).is_ok() {
+            self.saved.push(receiver);
+        }
+    }
+
+    /// What was written since.
+    pub(super) fn try_saved(&mut self) -> Option<String> {
+        let mut said = None;
+        self.saved.retain(|saved| match saved.try_recv() {
+            Ok(words) => {
+                said = Some(words);
+                false
+            }
+            Err(TryRecvError::Empty) => true,
+            Err(TryRecvError::Disconnected) => false,
+        });
+        said
+    }
+
+    /// Whether a chart is being written.
+    pub(super) fn is_saving(&self) -> bool {
+        !self.saved.is_empty()
+    }
+}
+
+/// A name of a figure of which a folder has no file yet.
+fn unused(folder: &Path, name: &str) -> String {
+    let is_free = |name: &String| {
+        ["svg", "png", "csv"].iter().all(|extension| !folder.join(format!("{name}.{extension}")).exists())
+    };
+    let numbered = (2..).map(|number| format!("city3d-{name}-{number}"));
+    let mut names = std::iter::once(format!("city3d-{name}")).chain(numbered);
+    names.find(is_free).unwrap_or_else(|| name.to_owned())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use city3d_logbook::figures::Quantity;
+    use city3d_simulation::runner::Run;
+    use city3d_simulation::scenario::{Library, Overrides, read_experiment};
+    use std::time::{Duration, Instant};
+
+    struct Watched {
+        run: Run,
+        history: RunHistory,
+        figures: LiveFigures,
+    }
+
+    impl Watched {
+        fn new() -> Self {
+            let (text, library) = Library::scenario("roundabout").unwrap();
+            let experiment = read_experiment("roundabout", &text, &library, Overrides::default()).unwrap();
+            let experiment = Arc::new(experiment);
+            let figures = LiveFigures::new(&experiment, LogOrigin::Run);
+            Self { run: Run::new(experiment).unwrap(), history: RunHistory::default(), figures }
+        }
+
+        fn go_to(&mut self, tick: u64) {
+            while self.run.snapshot().tick < tick {
+                if self.run.snapshot().tick.is_multiple_of(10) {
+                    self.history.push(self.run.snapshot());
+                }
+                self.run.step();
+            }
+        }
+
+        fn chart(&mut self, kind: ChartKind) -> ChartView<'_> {
+            let charts = ChartState { kind, ..ChartState::default() };
+            let start = Instant::now();
+            loop {
+                self.figures.update(&charts, None, &self.history);
+                let view = self.figures.view();
+                if !view.is_busy && (view.figure.is_some() || view.trouble.is_some()) {
+                    break;
+                }
+                assert!(start.elapsed() < Duration::from_secs(60), "no figure: {view:?}");
+                std::thread::yield_now();
+            }
+            self.figures.view()
+        }
+    }
+
+    #[test]
+    fn a_chart_shows_the_run_from_its_start_and_goes_on_with_it() {
+        let mut watched = Watched::new();
+        watched.go_to(500);
+        let span = |view: ChartView<'_>| {
+            let line = &view.figure.unwrap().panels[0].lines[0];
+            (line.points[0].0, line.points[line.points.len() - 1].0)
+        };
+        assert_eq!(span(watched.chart(ChartKind::Series(Quantity::Speed))), (0.0, 4.9));
+        watched.go_to(800);
+        let view = watched.chart(ChartKind::Series(Quantity::Speed));
+        assert_eq!(view.figure.unwrap().legend.len(), 6);
+        assert_eq!(span(view), (0.0, 7.9));
+    }
+
+    #[test]
+    fn figures_of_paths_are_those_that_plot_draws() {
+        let mut watched = Watched::new();
+        watched.go_to(3500);
+        for (kind, name) in [
+            (ChartKind::SpaceTime, "space_time"),
+            (ChartKind::Positions, "position"),
+            (ChartKind::SpeedAlongPath, "speed_path_1"),
+            (ChartKind::Series(Quantity::Gap), "gap"),
+        ] {
+            let view = watched.chart(kind);
+            let figure = view.figure.unwrap_or_else(|| panic!("{kind:?}: {:?}", view.trouble));
+            assert_eq!(figure.name, name);
+            assert!(figure.panels.iter().any(|panel| panel.lines.iter().any(|line| line.points.len() > 10)));
+        }
+    }
+
+    #[test]
+    fn a_chart_is_saved_as_two_pictures_and_a_table_and_writes_over_none() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut watched = Watched::new();
+        watched.go_to(300);
+        watched.chart(ChartKind::Series(Quantity::Acceleration));
+        for name in ["city3d-acceleration", "city3d-acceleration-2"] {
+            watched.figures.save(folder.path());
+            let start = Instant::now();
+            let said = loop {
+                if let Some(said) = watched.figures.try_saved() {
+                    break said;
+                }
+                assert!(start.elapsed() < Duration::from_secs(60));
+                std::thread::yield_now();
+            };
+            assert!(said.contains(&format!("{name}.svg")), "{said}");
+            let table = std::fs::read_to_string(folder.path().join(format!("{name}.csv"))).unwrap();
+            assert!(
+                table.starts_with("vehicle,name,time_s,acceleration_mps2\n1,path1_a,0.000,"),
+                "{table:.80}"
+            );
+            assert_eq!(table.lines().count(), 1 + 6 * 30);
+            let picture = std::fs::read(folder.path().join(format!("{name}.png"))).unwrap();
+            assert!(picture.starts_with(b"\x89PNG"));
+            assert!(folder.path().join(format!("{name}.svg")).exists());
+        }
+    }
+}

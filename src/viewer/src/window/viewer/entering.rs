@@ -1,0 +1,295 @@
+//! What the viewer shows next: another scenario or a log in place of the present run, and what becomes of that run.
+
+use super::super::WindowError;
+use super::super::figures::LiveFigures;
+use super::super::opening::{OpenTarget, Opening, log_in};
+use super::super::recorded_runs::recorded_runs;
+use super::super::recording::{LogLocation, recorded, start};
+use super::super::scenario_info::ScenarioInfo;
+use super::super::settings::runs_folder;
+use super::{ViewedRun, ViewerState, WindowRequest};
+use crate::ui::runs::{ComparedRuns, ONLY_LOCAL, OpenRequest, Problem, ResetQuestion};
+use crate::ui::{CityKind, LiveTraffic, ScenarioChoice};
+use city3d_logbook::measures::RunMeasures;
+use city3d_logbook::record::LogOrigin;
+use city3d_session::playback::Player;
+use city3d_session::{Order, RunHistory, RunPhase, RunState, SessionHandle};
+use city3d_simulation::scenario::{Experiment, ScenarioRequest};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::time::SystemTime;
+
+/// Recent files that are kept.
+const MOST_RECENT: usize = 12;
+/// How long a message about files is shown, seconds.
+const FILES_ARE_TOLD_S: f64 = 6.0;
+
+impl ViewerState {
+    /// Looks at what the user wants to open; returns what has to be loaded for it.
+    pub(super) fn open(&mut self, request: &OpenRequest, now_s: f64) -> Option<WindowRequest> {
+        if self.city != CityKind::Local {
+            self.state.say(ONLY_LOCAL, now_s);
+            return None;
+        }
+        match Opening::of(request) {
+            Ok(opening) if self.shows_already(&opening) => None,
+            Ok(opening) => {
+                if let OpenTarget::Log(log) = &opening.target
+                    && self.writes(log)
+                {
+                    self.end_session(now_s);
+                }
+                Some(WindowRequest::Open(opening))
+            }
+            Err(why) => {
+                self.state.runs.problem = Some(Problem::of_file("This cannot be opened", why));
+                None
+            }
+        }
+    }
+
+    /// The run of this scenario waits for its start already.
+    fn shows_already(&self, opening: &Opening) -> bool {
+        let is_ready = matches!(self.source, ViewedRun::Run(_)) && self.run_state().phase == RunPhase::Ready;
+        is_ready && *opening == Opening::scenario(self.request.clone())
+    }
+
+    /// Whether a log is that of the present run.
+    fn writes(&self, log: &Path) -> bool {
+        let own = self.run_state().folder.as_deref().map(log_in);
+        let absolute = |path: &Path| std::path::absolute(path).ok();
+        own.is_some_and(|own| absolute(&own) == absolute(log))
+    }
+
+    /// Ends the present run; returns its log to open.
+    pub(super) fn replay(&mut self, now_s: f64) -> Option<WindowRequest> {
+        let log = log_in(self.run_state().folder.as_deref()?);
+        self.end_session(now_s);
+        let hours = Some(self.state.look.hours);
+        Some(WindowRequest::Open(Opening { target: OpenTarget::Log(log), hours, starts: false }))
+    }
+
+    /// The scenario from its beginning, at once.
+    pub(super) fn run_again(&self, seed: Option<u64>) -> Option<WindowRequest> {
+        let mut request = self.again.clone()?;
+        request.overrides.seed = seed.or(request.overrides.seed);
+        let hours = Some(self.state.look.hours);
+        Some(WindowRequest::Open(Opening { target: OpenTarget::Scenario(request), hours, starts: true }))
+    }
+
+    /// Gives an order to the city. Before a reset the user is asked, unless nothing is lost.
+    pub(super) fn order(&mut self, order: Order, now_s: f64) -> Option<WindowRequest> {
+        let run_state = self.run_state();
+        match (&self.source, &order) {
+            (ViewedRun::Ended(_), Order::Reset) => {
+                let request = Opening::scenario(self.request.clone());
+                return Some(WindowRequest::Open(Opening { hours: Some(self.state.look.hours), ..request }));
+            }
+            (ViewedRun::Ended(_), Order::Start | Order::Step | Order::RunUntil(_)) => {
+                self.state.say("This run has ended. Reset (Ctrl+R) begins it again.", now_s);
+            }
+            (ViewedRun::Run(_), Order::Reset)
+                if run_state.now.tick > 0 && run_state.phase != RunPhase::Over =>
+            {
+                let text = reset_text(&run_state, self.city);
+                self.state.runs.question = Some(ResetQuestion { text, is_new: true });
+            }
+            _ => {
+                self.send(order);
+            }
+        }
+        None
+    }
+
+    /// Ends the session, so that its files are complete; its last state stays on display.
+    pub fn end_session(&mut self, now_s: f64) {
+        if !matches!(self.source, ViewedRun::Run(_)) {
+            return;
+        }
+        self.give_back(now_s);
+        let last = self.run_state();
+        let phase = if last.phase == RunPhase::Running { RunPhase::Paused } else { last.phase.clone() };
+        let ended =
+            RunState { phase, has_ended: true, clock: None, real_time_factor: 0.0, ..RunState::clone(&last) };
+        self.runs_before = self.next_number();
+        let old = std::mem::replace(&mut self.source, ViewedRun::Ended(Arc::new(ended)));
+        let name = self.experiment.name.clone();
+        self.finish(old, &name, now_s);
+    }
+
+    /// Runs of this window in its folder so far: those in one folder are numbered on.
+    fn next_number(&self) -> u32 {
+        match (&self.recording.logs, &self.source) {
+            (LogLocation::In(_), ViewedRun::Run(live)) => self.runs_before + live.run_state().run,
+            (LogLocation::In(_), ViewedRun::Log(_) | ViewedRun::Ended(_)) => self.runs_before,
+            (LogLocation::Nowhere | LogLocation::OfTheUser, _) => 0,
+        }
+    }
+
+    /// Waits for the files of a session that is no longer shown.
+    fn finish(&mut self, old: ViewedRun, name: &str, now_s: f64) {
+        let ViewedRun::Run(live) = old else { return };
+        match SessionHandle::stop(live) {
+            Ok(written) => {
+                if let Some(why) = written.failure {
+                    self.state.notice = Some((why.to_string(), now_s + FILES_ARE_TOLD_S));
+                } else if let Some(last) = written.folders.last() {
+                    self.state.say(format!("{name} is recorded in {}", last.display()), now_s);
+                }
+                self.recorded.extend(recorded(name, written.folders));
+            }
+            Err(error) => self.state.say(error.to_string(), now_s),
+        }
+    }
+
+    /// Ends the present run with its log, and shows another scenario.
+    ///
+    /// # Errors
+    /// Where it cannot be run; the present one goes on then.
+    pub fn enter(
+        &mut self,
+        request: ScenarioRequest,
+        experiment: Arc<Experiment>,
+        now_s: f64,
+    ) -> Result<(), WindowError> {
+        let before = self.next_number();
+        let live = start(&request, &experiment, &self.recording, before)?;
+        let speed = self.run_state().speed;
+        let had_run = matches!(self.source, ViewedRun::Run(_));
+        self.again = Some(request.clone());
+        self.remember_file(&request.scenario);
+        let name = self.experiment.name.clone();
+        let old = self.show(ViewedRun::Run(live), request, experiment);
+        self.runs_before = before;
+        self.choose_present();
+        if had_run {
+            self.set_speed(speed);
+        }
+        self.finish(old, &name, now_s);
+        Ok(())
+    }
+
+    /// Ends the present run with its log, and shows a recorded one.
+    pub fn enter_log(&mut self, log: &Path, player: Player, now_s: f64) {
+        let is_own = self.writes(log);
+        self.end_session(now_s);
+        if !is_own {
+            self.again = None;
+            self.remember_file(&log.to_string_lossy());
+        }
+        let experiment = Arc::clone(player.experiment());
+        let request = ScenarioRequest { scenario: log.display().to_string(), ..ScenarioRequest::default() };
+        self.show(ViewedRun::Log(Box::new(player)), request, experiment);
+        self.tell_of_log(now_s);
+    }
+
+    /// Shows another run; returns the one before.
+    fn show(
+        &mut self,
+        source: ViewedRun,
+        request: ScenarioRequest,
+        experiment: Arc<Experiment>,
+    ) -> ViewedRun {
+        let old = std::mem::replace(&mut self.source, source);
+        (self.request, self.refused, self.seated_in_run) = (request, 0, 0);
+        (self.asks_for_plans, self.asks_for_decisions) = (false, false);
+        self.scenario_info = ScenarioInfo::of(&experiment);
+        self.traffic = LiveTraffic::new(&experiment);
+        self.history = RunHistory::default();
+        self.figures = LiveFigures::new(&experiment, LogOrigin::Run);
+        self.past.go_live();
+        self.experiment = experiment;
+        let first = self.run_state();
+        self.state = self.state.renewed(&first.now);
+        old
+    }
+
+    /// What the panels know of a log from its origin, and whether it is whole.
+    pub(super) fn tell_of_log(&mut self, now_s: f64) {
+        let Some(player) = self.player() else { return };
+        let (truncation, origin) = (player.info().truncation, player.origin());
+        self.scenario_info.has_control_data = origin.has_world();
+        self.figures = LiveFigures::new(&self.experiment, origin);
+        if origin == LogOrigin::Recorded {
+            // The scenario's algorithm did not drive them.
+            self.scenario_info.drivers.values_mut().for_each(|driver| "recorded".clone_into(driver));
+        }
+        if let Some(why) = truncation {
+            let text = format!("The log is truncated: {why}. It is shown up to its last whole record.");
+            self.state.say(text, now_s);
+        }
+    }
+
+    /// Adds the present scenario to those that can be chosen.
+    pub(super) fn choose_present(&mut self) {
+        let name = &self.request.scenario;
+        if self.scenarios.iter().all(|choice| choice.name != *name) {
+            let description = self.experiment.description.clone();
+            self.scenarios.push(ScenarioChoice { name: name.clone(), description });
+        }
+    }
+
+    /// Puts a file at the top of the recent ones.
+    fn remember_file(&mut self, name: &str) {
+        let path = Path::new(name);
+        let Some(path) = std::path::absolute(path).ok().filter(|_| path.is_file()) else { return };
+        let recent = &mut self.lists.recent;
+        recent.retain(|known| *known != path);
+        recent.insert(0, path);
+        recent.truncate(MOST_RECENT);
+    }
+
+    /// Looks for recorded runs when they come on display.
+    pub(super) fn list_runs(&mut self) {
+        let panels = &self.state.runs;
+        let is_shown = panels.start_page.is_open || panels.comparison.is_open() || panels.files.is_some();
+        if is_shown && !self.lists_are_shown {
+            self.lists.runs_folder = runs_folder();
+            let own = if let LogLocation::In(folder) = &self.recording.logs { Some(folder) } else { None };
+            let folders = own.into_iter().chain(&self.lists.runs_folder).map(PathBuf::as_path);
+            self.lists.runs = recorded_runs(folders, SystemTime::now());
+            self.lists.recent.retain(|path| path.exists());
+        }
+        self.lists_are_shown = is_shown;
+    }
+
+    /// Puts the measures of the present run beside those of another one.
+    pub(super) fn compare_with(&mut self, other: &Path) {
+        match self.compared_with(other) {
+            Ok(compared) => self.state.runs.comparison.show(compared),
+            Err(why) => {
+                self.state.runs.problem = Some(Problem::of_run("These runs cannot be compared", why));
+            }
+        }
+    }
+
+    fn compared_with(&self, other: &Path) -> Result<ComparedRuns, String> {
+        let present = match (&self.source, &self.run_state().outcome) {
+            (ViewedRun::Log(_), _) => {
+                RunMeasures::read(Path::new(&self.request.scenario)).map_err(|error| error.to_string())?
+            }
+            (_, Some(outcome)) => RunMeasures::of(outcome),
+            (_, None) => {
+                return Err("The present run has not come to its end: let it run, then compare.".to_owned());
+            }
+        };
+        let measured = RunMeasures::read(other).map_err(|error| error.to_string())?;
+        let name = |what: &str, of: &RunMeasures| format!("{what}: {}, seed {}", of.scenario, of.seed);
+        let names = [name("this run", &present), name(&other.display().to_string(), &measured)];
+        let note = (present.scenario != measured.scenario)
+            .then(|| "The two are runs of different scenarios.".to_owned());
+        Ok(ComparedRuns { names, pairs: present.beside(&measured), note })
+    }
+}
+
+/// What a reset ends, and what stays of it.
+fn reset_text(run_state: &RunState, city: CityKind) -> String {
+    let at = format!("It is at {:.1} s.", run_state.now.time_s);
+    match &run_state.folder {
+        Some(folder) => {
+            format!("{at} Its log stays in {}; the next run has a folder of its own.", folder.display())
+        }
+        None if city == CityKind::Local => format!("{at} It is not recorded, so it is lost."),
+        None => format!("{at} This window does not record it."),
+    }
+}

@@ -1,0 +1,242 @@
+//! Tests of the viewer without its window: another scenario or a log in place of a run, and what a user is told.
+
+use super::super::loading;
+use super::super::opening::{OpenTarget, Opening};
+use super::super::recording::LogLocation;
+use super::*;
+use crate::ui::QualityPreset;
+use crate::ui::runs::OpenRequest;
+use city3d_session::Order;
+use city3d_simulation::scenario::Overrides;
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+const LOOK: Look = Look { preset: QualityPreset::Low, hours: 9.5 };
+
+fn request(scenario: &str, duration_s: f64) -> ScenarioRequest {
+    let overrides = Overrides { duration_s: Some(duration_s), ..Overrides::default() };
+    ScenarioRequest { scenario: scenario.to_owned(), overrides }
+}
+
+fn viewer(request: ScenarioRequest, logs: LogLocation) -> ViewerState {
+    let experiment = loading::read(&request).unwrap();
+    let recording = RecordingOptions { logs, on_update: Arc::new(|| {}) };
+    ViewerState::new(request, experiment, LOOK, recording).unwrap()
+}
+
+/// Lays out one frame.
+fn pass(viewer: &mut ViewerState) {
+    let context = egui::Context::default();
+    let mut output =
+        context.run_ui(egui::RawInput::default(), |ui| drop(viewer.pass(ui, &BTreeMap::new(), 30.0)));
+    output.textures_delta.clear();
+}
+
+fn wait(viewer: &ViewerState, what: &str, is_so: impl Fn(&RunState) -> bool) -> Arc<RunState> {
+    let start = Instant::now();
+    loop {
+        let state = viewer.run_state();
+        if is_so(&state) {
+            return state;
+        }
+        assert!(start.elapsed() < Duration::from_secs(60), "never: {what}");
+        std::thread::sleep(Duration::from_millis(1));
+    }
+}
+
+fn run_to_end(viewer: &mut ViewerState) -> Arc<RunState> {
+    viewer.set_speed(Speed::Unlimited);
+    viewer.send(Order::Start);
+    wait(viewer, "the end", |state| state.phase == RunPhase::Over)
+}
+
+fn opening(requests: Vec<WindowRequest>) -> Opening {
+    match <[WindowRequest; 1]>::try_from(requests) {
+        Ok([WindowRequest::Open(opening)]) => opening,
+        other => panic!("nothing is opened: {other:?}"),
+    }
+}
+
+fn enter_log(viewer: &mut ViewerState, log: &Path) {
+    let player = Player::open(log, Box::new(|| {})).unwrap();
+    viewer.enter_log(log, player, 0.0);
+}
+
+#[test]
+fn a_finished_run_is_replayed_from_its_whole_log_and_run_again_with_another_seed() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut viewer = viewer(request("straight", 3.0), LogLocation::In(folder.path().to_path_buf()));
+    let over = run_to_end(&mut viewer);
+    let outcome = over.outcome.clone().unwrap();
+    assert_eq!((outcome.simulated_s, outcome.collisions, outcome.seed), (3.0, 0, 1));
+    let replay = opening(viewer.act(vec![UiAction::Replay], 0.0));
+    let log = folder.path().join("run-1/run.mcap");
+    assert_eq!(replay.target, OpenTarget::Log(log.clone()));
+    assert_eq!(replay.hours, Some(LOOK.hours), "in the light that it had");
+    // The session has ended before its log is opened.
+    let summary = std::fs::read_to_string(folder.path().join("run-1/summary.json")).unwrap();
+    assert!(summary.contains(&outcome.state_hash) && !summary.contains("stopped_at_tick"), "{summary}");
+    assert!(viewer.run_state().has_ended && !viewer.has_ended(), "the window stays");
+    enter_log(&mut viewer, &log);
+    assert_eq!(viewer.player().unwrap().info().truncation, None);
+    assert!(viewer.title().starts_with("run.mcap"));
+    pass(&mut viewer);
+    let again = opening(viewer.act(vec![UiAction::RunAgain(Some(9))], 0.0));
+    let OpenTarget::Scenario(again_request) = &again.target else { panic!("{again:?}") };
+    assert_eq!((again_request.scenario.as_str(), again_request.overrides.seed), ("straight", Some(9)));
+    assert_eq!((again_request.overrides.duration_s, again.starts), (Some(3.0), true));
+    let experiment = loading::read(again_request).unwrap();
+    viewer.enter(again_request.clone(), experiment, 0.0).unwrap();
+    let second = run_to_end(&mut viewer);
+    assert_eq!(second.folder.as_deref(), Some(folder.path().join("run-2").as_path()));
+    assert_eq!(second.outcome.as_ref().unwrap().seed, 9);
+    // Beside the first one, which has its summary.
+    viewer.act(vec![UiAction::CompareWith(folder.path().join("run-1"))], 0.0);
+    assert!(viewer.state.runs.comparison.is_open() && viewer.state.runs.problem.is_none());
+    viewer.act(vec![UiAction::CompareWith(folder.path().to_path_buf())], 0.0);
+    assert!(viewer.state.runs.problem.as_ref().unwrap().text.contains("there is no summary.json"));
+    let recorded = viewer.close().unwrap();
+    assert_eq!(recorded.len(), 2, "{recorded:?}");
+}
+
+#[test]
+fn another_log_ends_the_run_that_goes_on_and_its_files_are_whole() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut first = viewer(request("straight", 1.0), LogLocation::In(folder.path().join("a")));
+    run_to_end(&mut first);
+    first.close().unwrap();
+    let mut viewer = viewer(request("roundabout", 20.0), LogLocation::In(folder.path().join("b")));
+    viewer.send(Order::Start);
+    wait(&viewer, "some ticks", |state| state.now.tick > 20);
+    let what = folder.path().join("a/run-1");
+    let request = OpenRequest { what: what.clone(), ..OpenRequest::default() };
+    let opened = opening(viewer.act(vec![UiAction::Open(request)], 0.0));
+    assert_eq!(opened.target, OpenTarget::Log(what.join("run.mcap")));
+    assert!(!viewer.run_state().has_ended, "it goes on until the log is loaded");
+    enter_log(&mut viewer, &what.join("run.mcap"));
+    assert!(folder.path().join("b/run-1/summary.json").is_file());
+    assert!(viewer.act(vec![UiAction::RunAgain(None)], 0.0).is_empty(), "it is no run of this window");
+    assert_eq!(viewer.lists.recent, [what.join("run.mcap")]);
+    let recorded = viewer.close().unwrap();
+    assert_eq!(recorded.len(), 1, "{recorded:?}");
+}
+
+#[test]
+fn a_reset_is_asked_for_only_where_a_run_would_end() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut viewer = viewer(request("straight", 1.0), LogLocation::In(folder.path().to_path_buf()));
+    let reset = || vec![UiAction::Order(Order::Reset)];
+    viewer.act(reset(), 0.0);
+    assert_eq!(viewer.state.runs.question, None, "nothing has happened yet");
+    wait(&viewer, "the reset", |state| state.run == 2);
+    viewer.send(Order::Step);
+    wait(&viewer, "a step", |state| state.now.tick == 1);
+    viewer.act(reset(), 0.0);
+    let question = viewer.state.runs.question.take().unwrap();
+    let log = viewer.run_state().folder.clone().unwrap().display().to_string();
+    assert!(question.text.contains(&log) && question.text.contains("Its log stays"), "{question:?}");
+    assert_eq!(viewer.run_state().run, 2);
+    viewer.act(vec![UiAction::ResetConfirmed], 0.0);
+    wait(&viewer, "the next run", |state| state.run == 3 && state.phase == RunPhase::Ready);
+    run_to_end(&mut viewer);
+    viewer.act(reset(), 0.0);
+    assert_eq!(viewer.state.runs.question, None, "the run was over");
+    viewer.close().unwrap();
+}
+
+#[test]
+fn a_run_that_is_not_recorded_says_that_a_reset_loses_it() {
+    let mut viewer = viewer(request("straight", 1.0), LogLocation::Nowhere);
+    viewer.send(Order::Step);
+    wait(&viewer, "a step", |state| state.now.tick == 1);
+    viewer.act(vec![UiAction::Order(Order::Reset)], 0.0);
+    assert!(viewer.state.runs.question.as_ref().unwrap().text.contains("It is not recorded, so it is lost."));
+    viewer.close().unwrap();
+}
+
+#[test]
+fn before_its_start_nothing_drives() {
+    let mut viewer = viewer(request("roundabout", 5.0), LogLocation::Nowhere);
+    pass(&mut viewer);
+    let told: Vec<_> = viewer.interpolated.vehicles.iter().map(|v| (v.status, v.speed_mps)).collect();
+    assert!(told.len() == 6 && told.iter().all(|told| *told == (Status::Waiting, 0.0)), "{told:?}");
+    viewer.send(Order::Step);
+    wait(&viewer, "a step", |state| state.now.tick == 1);
+    pass(&mut viewer);
+    let moving = viewer.interpolated.vehicles.iter().filter(|v| v.speed_mps > 1.0).count();
+    assert!(moving > 0, "{:?}", viewer.interpolated.vehicles);
+    viewer.close().unwrap();
+}
+
+#[test]
+fn what_cannot_be_opened_is_told_and_the_run_goes_on() {
+    let mut viewer = viewer(request("straight", 1.0), LogLocation::Nowhere);
+    let folder = tempfile::tempdir().unwrap();
+    let request = OpenRequest { what: folder.path().to_path_buf(), ..OpenRequest::default() };
+    assert!(viewer.act(vec![UiAction::Open(request)], 0.0).is_empty());
+    assert!(viewer.state.runs.problem.as_ref().unwrap().text.contains("without a run.mcap"));
+    assert!(!viewer.run_state().has_ended);
+    // What is there already is not loaded again.
+    let overrides = viewer.request.overrides;
+    let same = OpenRequest { what: "straight".into(), overrides, ..OpenRequest::default() };
+    assert!(viewer.act(vec![UiAction::Open(same.clone())], 0.0).is_empty());
+    let other = OpenRequest { hours: Some(22.0), ..same };
+    assert_eq!(viewer.act(vec![UiAction::Open(other)], 0.0).len(), 1);
+    viewer.close().unwrap();
+}
+
+#[test]
+fn a_map_alone_is_a_city_without_vehicles_and_without_a_log() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("town.dxf");
+    let library = Library::default();
+    std::fs::write(&path, library.map("crossing").unwrap()).unwrap();
+    let name = path.to_string_lossy().into_owned();
+    let map = ScenarioRequest { scenario: name, ..ScenarioRequest::default() };
+    let mut viewer = viewer(request("straight", 1.0), LogLocation::In(folder.path().join("out")));
+    let asked = OpenRequest { what: path.clone(), ..OpenRequest::default() };
+    let opened = opening(viewer.act(vec![UiAction::Open(asked)], 0.0));
+    assert_eq!(opened.target, OpenTarget::Scenario(map.clone()));
+    viewer.enter(map.clone(), loading::read(&map).unwrap(), 0.0).unwrap();
+    pass(&mut viewer);
+    assert!(viewer.interpolated.vehicles.is_empty() && viewer.title() == "town.dxf - City3D");
+    assert_eq!(viewer.lists.recent, [path]);
+    viewer.send(Order::Step);
+    wait(&viewer, "a step", |state| state.now.tick == 1);
+    viewer.close().unwrap();
+    assert!(!folder.path().join("out").exists());
+}
+
+#[test]
+fn the_settings_keep_recent_files() {
+    let mut viewer = viewer(request("straight", 1.0), LogLocation::Nowhere);
+    let recent = vec![PathBuf::from("/home/me/mine.toml")];
+    viewer.restore(&ViewSettings { recent: recent.clone(), ..ViewSettings::default() });
+    let mut kept = ViewSettings::default();
+    viewer.remember(&mut kept);
+    assert_eq!(kept.recent, recent);
+    viewer.close().unwrap();
+}
+
+#[test]
+fn who_leaves_a_vehicle_after_a_collision_is_told_what_to_do() {
+    let mut viewer = viewer(request("straight", 30.0), LogLocation::Nowhere);
+    let vehicles: Vec<VehicleId> = viewer.experiment.vehicles.iter().map(|vehicle| vehicle.id).collect();
+    let run_state = viewer.run_state();
+    let along = |id: &VehicleId| run_state.now.vehicle(*id).map(|v| v.forward().dot(v.position.truncate()));
+    let behind = vehicles.iter().copied().min_by(|a, b| along(a).partial_cmp(&along(b)).unwrap()).unwrap();
+    viewer.act(vec![UiAction::Drive(behind)], 0.0);
+    let pedals = city3d_protocol::snapshot::Pedals { gas: 1.0, ..Default::default() };
+    viewer.send(Order::Drive(behind, pedals));
+    for tick in 1..=3000 {
+        viewer.send(Order::Step);
+        let state = wait(&viewer, "a step", |state| state.now.tick == tick);
+        if state.now.vehicle(behind).unwrap().status == Status::Collided {
+            break;
+        }
+    }
+    viewer.act(vec![UiAction::GiveBack], 0.0);
+    let (said, _) = viewer.state.notice.clone().unwrap();
+    assert!(said.contains("has collided and stays") && said.contains("Ctrl+R"), "{said}");
+    viewer.close().unwrap();
+}

@@ -1,0 +1,106 @@
+//! The panel Charts: what can be chosen, what is drawn, and what a click does.
+
+use super::desk::{Desk, click, fleet, harness, press};
+use city3d_logbook::figures::chart::{ChartLine, Figure, LegendEntry, LineStyle, Panel};
+use city3d_logbook::figures::{FigureScale, Quantity, TidyTable};
+use city3d_protocol::snapshot::VehicleId;
+use city3d_session::playback::PlaybackCommand;
+use city3d_viewer::ui::{ChartKind, UiAction};
+use egui::Key;
+use egui_kittest::Harness;
+use egui_kittest::kittest::Queryable;
+
+/// A line from 0 to 10 s.
+fn figure() -> Figure {
+    let stroke = LineStyle::solid([0, 114, 178]);
+    let points = (0..=100).map(|k| (f64::from(k) * 0.1, f64::from(k))).collect();
+    let panel = Panel {
+        x_label: "Time [s]".to_owned(),
+        y_label: "Speed [km/h]".to_owned(),
+        x: (0.0, 10.0),
+        y: (0.0, 100.0),
+        lines: vec![ChartLine { points, stroke }],
+        ..Panel::default()
+    };
+    Figure {
+        name: "speed".to_owned(),
+        title: "straight: speed".to_owned(),
+        panels: vec![panel],
+        columns: 1,
+        row_height: 0.5,
+        legend: vec![LegendEntry { name: "1 car1".to_owned(), stroke }],
+        scale: None,
+        note: "Along the heading. Full scale.".to_owned(),
+        table: TidyTable::default(),
+    }
+}
+
+fn open(change: impl FnOnce(&mut Desk)) -> Harness<'static, Desk> {
+    let mut desk = Desk::with(fleet(6));
+    desk.chart = Some(figure());
+    change(&mut desk);
+    let mut harness = harness(desk);
+    press(&mut harness, Key::F6);
+    harness.run_steps(6);
+    harness
+}
+
+#[test]
+fn a_chart_names_its_lines_and_quantities_can_be_chosen() {
+    let mut harness = open(|_| {});
+    for label in ["Speed [km/h]", "\u{2014} 1 car1", "Along the heading. Full scale."] {
+        harness.get_by_label(label);
+    }
+    harness.get_by_value("Speed").click();
+    harness.run_steps(4);
+    click(&mut harness, "Time headway");
+    assert_eq!(harness.state().state.charts.kind, ChartKind::Series(Quantity::Headway));
+    click(&mut harness, "laboratory units");
+    assert_eq!(harness.state().state.charts.scale, FigureScale::Laboratory);
+    click(&mut harness, "Save");
+    assert_eq!(harness.state().actions, [UiAction::SaveChart]);
+    press(&mut harness, Key::Escape);
+    harness.run_steps(4);
+    assert!(harness.query_by_label("Speed [km/h]").is_none(), "Escape closes it");
+}
+
+#[test]
+fn vehicles_stay_in_the_chart_until_they_are_taken_out() {
+    let mut harness = open(|desk| desk.state.selection.vehicle = Some(VehicleId(2)));
+    click(&mut harness, "+ Keep 2 car2");
+    harness.state_mut().state.selection.vehicle = Some(VehicleId(5));
+    harness.run_steps(3);
+    click(&mut harness, "+ Keep 5 car5");
+    assert_eq!(harness.state().state.charts.vehicles, [2, 5].map(VehicleId));
+    click(&mut harness, "2 car2 \u{d7}");
+    assert_eq!(harness.state().state.charts.vehicles, [VehicleId(5)]);
+}
+
+#[test]
+fn a_click_in_a_chart_over_time_goes_to_that_time() {
+    let mut harness = open(|_| {});
+    let label = harness.get_by_label("Speed [km/h]").rect();
+    // In the middle of the axes, whose left edge is narrower than their right one.
+    let at = label.left_bottom() + egui::vec2(280.0, 80.0);
+    harness.event(egui::Event::PointerMoved(at));
+    harness.run_steps(1);
+    for pressed in [true, false] {
+        let (button, modifiers) = (egui::PointerButton::Primary, egui::Modifiers::NONE);
+        harness.event(egui::Event::PointerButton { pos: at, button, pressed, modifiers });
+        harness.run_steps(1);
+    }
+    harness.run_steps(2);
+    let told = &harness.state().actions;
+    let [UiAction::PlaybackCommand(PlaybackCommand::Seek(time_s))] = told[..] else { panic!("{told:?}") };
+    assert!((3.0..7.0).contains(&time_s), "{time_s}");
+}
+
+#[test]
+fn of_poses_alone_no_pedals_are_charted() {
+    let harness = open(|desk| {
+        desk.has_control_data = false;
+        desk.state.charts.kind = ChartKind::Series(Quantity::Gas);
+    });
+    harness.get_by_label_contains("Only poses are known");
+    assert!(harness.query_by_label("Speed [km/h]").is_none());
+}

@@ -1,0 +1,217 @@
+//! The registry of actions: palette, keys, help and the manual tell the same.
+
+use super::desk::{Desk, Recording, fleet, harness, press};
+use city3d_protocol::snapshot::{EventKind, VehicleId};
+use city3d_session::playback::Playhead;
+use city3d_session::{Order, RunPhase};
+use city3d_viewer::ui::{CameraMode, Command, ManualDrive, SECTIONS, TimelineRange, UiAction};
+use egui::{Key, Modifiers};
+use egui_kittest::Harness;
+use egui_kittest::kittest::Queryable;
+use std::collections::BTreeSet;
+
+fn commands() -> impl Iterator<Item = &'static Command> {
+    SECTIONS.iter().flat_map(|section| section.commands.iter().copied())
+}
+
+/// Windows that have all actions between them.
+fn desks() -> [Desk; 4] {
+    let selected = || {
+        let mut desk = Desk::with(fleet(3));
+        desk.state.selection.vehicle = Some(VehicleId(2));
+        desk
+    };
+    let (mut running, mut driving, mut replay) = (selected(), selected(), selected());
+    running.run_state.phase = RunPhase::Running;
+    running.state.set_mode(CameraMode::Free);
+    driving.state.driving = Some(ManualDrive::take_over(VehicleId(2), 1, 0.0));
+    let head = Playhead {
+        from_s: 0.0,
+        to_s: 40.0,
+        at_s: 12.3,
+        before_s: 12.28,
+        is_playing: false,
+        is_reverse: false,
+        speed: 1.0,
+    };
+    let mark = |time_s| super::timeline::mark(time_s, 1, EventKind::Stop);
+    let marks = vec![mark(4.0), mark(20.0)];
+    running.events = vec![super::timeline::mark(1.0, 1, EventKind::LinkLost)];
+    running.state.open.charts = true;
+    replay.state.section = TimelineRange::part(5.0, 15.0);
+    replay.recording = Some(Recording { head, marks, searched: 1.0, truncation: None });
+    [selected(), running, driving, replay]
+}
+
+fn open_palette(harness: &mut Harness<'static, Desk>) {
+    harness.key_press_modifiers(Modifiers::COMMAND, Key::P);
+    harness.run_steps(3);
+}
+
+fn type_text(harness: &mut Harness<'static, Desk>, text: &str) {
+    harness.event(egui::Event::Text(text.to_owned()));
+    harness.run_steps(2);
+}
+
+/// Runs an action by the palette; `None` where it is not listed, else whether anything came of it.
+fn run_by_palette(desk: Desk, name: &str) -> Option<bool> {
+    let mut harness = harness(desk);
+    open_palette(&mut harness);
+    press(&mut harness, Key::Escape);
+    let told = |harness: &Harness<'static, Desk>| {
+        let desk = harness.state();
+        format!("{:?} {:?}", desk.state, desk.actions)
+    };
+    let before = told(&harness);
+    open_palette(&mut harness);
+    type_text(&mut harness, name);
+    harness.query_all_by_label(name).next()?;
+    press(&mut harness, Key::Enter);
+    let is_palette = name == "Find an action";
+    assert_eq!(harness.state().state.palette.is_open, is_palette, "{name}: an action closes the palette");
+    Some(told(&harness) != before)
+}
+
+#[test]
+fn every_action_runs_from_the_palette() {
+    for command in commands() {
+        let outcomes = desks().map(|desk| run_by_palette(desk, command.name));
+        assert!(outcomes.contains(&Some(true)), "{}: {outcomes:?}", command.name);
+    }
+}
+
+#[test]
+fn names_are_told_apart_and_no_two_actions_share_a_key_and_a_window() {
+    let names: BTreeSet<&str> = commands().map(|command| command.name).collect();
+    assert_eq!(names.len(), commands().count());
+    let keys = |title: &str| -> Vec<String> {
+        let section = SECTIONS.iter().find(|section| section.title == title).unwrap();
+        section
+            .commands
+            .iter()
+            .flat_map(|c| c.all_keys().split(" or ").map(str::to_owned).collect::<Vec<_>>())
+            .collect()
+    };
+    for subject in ["Run", "Time"] {
+        let shared = ["Camera", "Vehicles", "Panels", "Appearance"].map(keys).concat();
+        let all: Vec<String> =
+            [keys(subject), shared].concat().into_iter().filter(|key| !key.is_empty()).collect();
+        let distinct: BTreeSet<&String> = all.iter().collect();
+        assert_eq!(distinct.len(), all.len(), "{subject}: {all:?}");
+    }
+}
+
+#[test]
+fn the_palette_finds_by_words_and_is_worked_by_keys() {
+    let mut harness = harness(Desk::with(fleet(2)));
+    open_palette(&mut harness);
+    type_text(&mut harness, "hide map");
+    harness.get_by_label("Show or hide the map");
+    assert!(harness.query_by_label("Show or hide lanes").is_none());
+    press(&mut harness, Key::Escape);
+    assert!(!harness.state().state.palette.is_open);
+    open_palette(&mut harness);
+    type_text(&mut harness, "camera");
+    // The first one is chosen at first; Overhead is the fourth.
+    for key in [[Key::ArrowDown; 2], [Key::ArrowDown; 2], [Key::ArrowUp, Key::Enter]].concat() {
+        press(&mut harness, key);
+    }
+    assert_eq!(harness.state().state.viewpoint.mode, CameraMode::Overhead);
+    assert_eq!(harness.state().actions, [], "no key reached the run");
+    open_palette(&mut harness);
+    type_text(&mut harness, "no such thing");
+    harness.get_by_label("No action has these words.");
+}
+
+#[test]
+fn an_action_that_wants_a_vehicle_says_so_in_the_palette() {
+    let mut harness = harness(Desk::with(fleet(2)));
+    open_palette(&mut harness);
+    type_text(&mut harness, "take control");
+    press(&mut harness, Key::Enter);
+    let (said, _) = harness.state().state.notice.clone().expect("it is told");
+    assert_eq!(
+        (said.as_str(), &harness.state().actions[..]),
+        ("Click a vehicle first, or press Page Down", &[][..])
+    );
+}
+
+#[test]
+fn function_keys_and_ctrl_work_while_one_types() {
+    let mut harness = harness(Desk::with(fleet(2)));
+    harness.get_by_role(egui::accesskit::Role::TextInput).focus();
+    harness.run_steps(2);
+    press(&mut harness, Key::F4);
+    assert!(harness.state().state.open.traffic);
+    harness.key_press_modifiers(Modifiers::COMMAND, Key::A);
+    harness.key_press_modifiers(Modifiers::COMMAND, Key::R);
+    harness.run_steps(2);
+    assert_eq!(harness.state().actions, [UiAction::Order(Order::Reset)]);
+}
+
+#[test]
+fn the_manual_and_the_help_have_every_key() {
+    let manual = include_str!("../../../../docs/window.md");
+    for section in &SECTIONS {
+        let commands = section.commands.iter().filter(|command| !command.keys.is_empty());
+        let commands = commands.map(|command| (command.all_keys(), command.name.to_owned()));
+        let gestures = section.gestures.iter().map(|(how, what)| ((*how).to_owned(), (*what).to_owned()));
+        let rows: Vec<(String, String)> = commands.chain(gestures).collect();
+        let table: String = rows.iter().map(|(key, what)| format!("| {key} | {what} |\n")).collect();
+        let expected = format!("### {}\n\n| key | action |\n|---|---|\n{table}\n", section.title);
+        assert!(rows.is_empty() || manual.contains(&expected), "docs/window.md needs:\n{expected}");
+        let is_of_replays = section.title == "Time";
+        let [local, _, _, replay] = desks();
+        let mut harness = harness(if is_of_replays { replay } else { local });
+        press(&mut harness, Key::F1);
+        harness.run_steps(5);
+        for (key, what) in rows {
+            assert!(harness.query_all_by_label(&what).count() > 0, "the help lacks {what}");
+            assert!(harness.query_all_by_label(&key).count() > 0, "the help lacks {key}");
+        }
+    }
+}
+
+#[test]
+fn the_help_is_searched() {
+    let mut harness = harness(Desk::with(fleet(1)));
+    press(&mut harness, Key::F1);
+    harness.run_steps(5);
+    harness.get_by_label("Save a screenshot");
+    harness.state_mut().state.help_words = "labels".to_owned();
+    harness.run_steps(5);
+    harness.get_by_label("Show or hide labels over vehicles");
+    assert!(harness.query_by_label("Save a screenshot").is_none());
+    // What has no key is found too.
+    harness.state_mut().state.help_words = "conflict".to_owned();
+    harness.run_steps(5);
+    harness.get_by_label("Show or hide conflict zones");
+    harness.state_mut().state.help_words = "unheard of".to_owned();
+    harness.run_steps(5);
+    harness.get_by_label("Nothing has these words.");
+}
+
+#[test]
+fn the_tab_key_reaches_the_table_and_arrows_move_the_selection() {
+    let mut harness = harness(Desk::with(fleet(4)));
+    let is_in_table =
+        |harness: &Harness<'static, Desk>| harness.get_by_label("Vehicles of the table").is_focused();
+    let steps = (0..60).position(|_| {
+        press(&mut harness, Key::Tab);
+        is_in_table(&harness)
+    });
+    assert!(steps.is_some(), "the Tab key comes to the table");
+    let selected = |harness: &Harness<'static, Desk>| harness.state().state.selection.vehicle;
+    for (key, expected) in [(Key::ArrowDown, 1), (Key::ArrowDown, 2), (Key::ArrowDown, 3), (Key::ArrowUp, 2)]
+    {
+        press(&mut harness, key);
+        assert_eq!((selected(&harness), is_in_table(&harness)), (Some(VehicleId(expected)), true));
+    }
+    // Keys of buttons are not those of the run while a button has the focus.
+    press(&mut harness, Key::Space);
+    assert_eq!(harness.state().actions, []);
+    press(&mut harness, Key::Escape);
+    assert_eq!(selected(&harness), Some(VehicleId(2)), "the first Escape leaves the table");
+    press(&mut harness, Key::Escape);
+    assert_eq!(selected(&harness), None);
+}

@@ -1,0 +1,166 @@
+//! Why a vehicle does what it does: the inspector, and the menu of a vehicle.
+
+#![allow(clippy::disallowed_methods, reason = "looks at what is drawn; no state depends on it")]
+
+use super::city::{click_at, has_text, place, spread, texts, vehicle_at};
+use super::desk::{Desk, click, harness, press};
+use city3d_protocol::snapshot::{DecisionReason, VehicleId};
+use city3d_session::{ControlInsight, decisions};
+use city3d_simulation::runner::Run;
+use city3d_simulation::scenario::{Library, Overrides, read_experiment};
+use city3d_viewer::ui::{CameraMode, LiveTraffic, UiAction};
+use egui::{Event, PointerButton, Pos2};
+use egui_kittest::Harness;
+use egui_kittest::kittest::Queryable;
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+/// The roundabout at a time when one vehicle yields to another, and who that is.
+fn yielding() -> (Desk, VehicleId, VehicleId) {
+    let (text, library) = Library::scenario("roundabout").unwrap();
+    let experiment = read_experiment("test", &text, &library, Overrides::default()).unwrap();
+    let experiment = Arc::new(experiment);
+    let mut run = Run::new(Arc::clone(&experiment)).unwrap();
+    let mut traffic = LiveTraffic::new(&experiment);
+    loop {
+        run.step();
+        traffic.observe(run.snapshot());
+        assert!(run.snapshot().time_s < 40.0, "somebody yields at a line");
+        let told = decisions(run.mainframe(), &experiment);
+        let yields = |told: &&city3d_protocol::snapshot::ControlDecision| {
+            told.reason == DecisionReason::YieldLine && told.other.is_some()
+        };
+        let Some(found) = told.iter().find(yields) else { continue };
+        let (vehicle, other) = (found.vehicle, found.other.unwrap());
+        let mut desk = Desk::with(run.snapshot().clone());
+        (desk.traffic, desk.map) = (traffic, Arc::clone(&experiment.city_map));
+        desk.routes = experiment.vehicles.iter().map(|v| (v.id, v.route.clone())).collect();
+        let insight =
+            ControlInsight { decisions: Some(told), command_delays_s: BTreeMap::from([(vehicle, 0.035)]) };
+        desk.run_state.insight = Some(Arc::new(insight));
+        return (desk, vehicle, other);
+    }
+}
+
+fn right_click(harness: &mut Harness<'static, Desk>, pos: Pos2) {
+    harness.event(Event::PointerMoved(pos));
+    harness.run_steps(1);
+    for pressed in [true, false] {
+        let (button, modifiers) = (PointerButton::Secondary, egui::Modifiers::NONE);
+        harness.event(Event::PointerButton { pos, button, pressed, modifiers });
+        harness.run_steps(1);
+    }
+    harness.run_steps(3);
+}
+
+#[test]
+fn the_inspector_says_to_whom_a_vehicle_yields_and_a_click_goes_there() {
+    let (mut desk, vehicle, other) = yielding();
+    desk.state.selection.vehicle = Some(vehicle);
+    let name = desk.run_state.now.info(other).unwrap().name.clone();
+    let mut harness = harness(desk);
+    press(&mut harness, egui::Key::I);
+    harness.get_by_label("35 ms");
+    harness.get_by_label_contains("target ");
+    let reason = format!("at the yield line, yields to {other} {name}");
+    harness.get_by_label_contains(&reason).click();
+    harness.run_steps(3);
+    assert_eq!(harness.state().state.selection.vehicle, Some(other));
+    press(&mut harness, egui::Key::Escape);
+    assert!(harness.query_by_label("Command delay").is_none(), "Esc closes it");
+    assert_eq!(harness.state().state.selection.vehicle, Some(other));
+}
+
+#[test]
+fn of_poses_alone_lane_leader_and_gap_are_known_and_reasons_are_not() {
+    let (mut desk, vehicle, _) = yielding();
+    desk.run_state.insight = None;
+    desk.has_control_data = false;
+    // The second of three cars on one lane has the first one ahead.
+    let names = ["path1_a", "path1_b"];
+    let id = |name: &str| desk.run_state.now.roster.iter().find(|info| info.name == name).unwrap().id;
+    let [first, second] = names.map(id);
+    desk.state.selection.vehicle = Some(second);
+    desk.state.open.inspector = true;
+    let mut harness = harness(desk);
+    harness.get_by_label(&format!("{first} path1_a"));
+    assert!(harness.query_all_by_label("not told by this source").count() >= 4, "{vehicle}");
+    harness.get_by_label_contains("target not told by this source");
+    // A vehicle on no lane has none.
+    harness.state_mut().change(|now| now.vehicles[0].position.x += 4000.0);
+    harness.state_mut().state.selection.vehicle = Some(first);
+    harness.run_steps(3);
+    harness.get_by_label("none");
+    harness.state_mut().state.selection.vehicle = None;
+    harness.run_steps(3);
+    harness.get_by_label_contains("Select a vehicle");
+}
+
+#[test]
+fn a_right_click_on_a_vehicle_opens_its_menu_in_the_city() {
+    let mut harness = harness(Desk::with(spread(3)));
+    let at = vehicle_at(&harness, 1);
+    right_click(&mut harness, at);
+    for entry in ["Select", "Follow", "Open its camera", "Inspect", "Take control", "Copy ID", "Copy pose"] {
+        assert!(harness.query_all_by_label(entry).count() > 0, "{entry}");
+    }
+    assert_eq!(harness.state().state.selection.vehicle, None, "it only opens the menu");
+    click(&mut harness, "Inspect");
+    assert_eq!(harness.state().state.selection.vehicle, Some(VehicleId(2)));
+    assert!(harness.state().state.open.inspector);
+    assert!(harness.query_by_label("Copy pose").is_none(), "a click closes the menu");
+    // The inspector may lie over the car.
+    press(&mut harness, egui::Key::Escape);
+    right_click(&mut harness, at);
+    click(&mut harness, "Take control");
+    assert_eq!(harness.state().actions, [UiAction::Drive(VehicleId(2))]);
+    right_click(&mut harness, at);
+    click(&mut harness, "Open its camera");
+    assert_eq!(harness.state().state.previews[0].vehicle, VehicleId(2));
+}
+
+#[test]
+fn the_table_and_the_map_have_the_menu_too() {
+    let mut harness = harness(Desk::with(spread(3)));
+    let row = harness.get_by_label("car3").rect().center();
+    right_click(&mut harness, row);
+    click(&mut harness, "Follow");
+    assert_eq!(harness.state().state.viewpoint.follow, Some(VehicleId(3)));
+    assert_eq!(harness.state().state.viewpoint.mode, CameraMode::Orbit);
+    // A car far outside of the map has its mark at the edge.
+    harness.state_mut().change(|now| now.vehicles[0].position.x = 9000.0);
+    harness.run_steps(2);
+    let map = place(&harness).right_top() + egui::vec2(-8.0 - 7.0, 8.0 + 75.0);
+    let edge = [-60.0, -40.0, -20.0, 0.0, 20.0, 40.0, 60.0].map(|y| map + egui::vec2(0.0, y));
+    let opened = edge.into_iter().any(|at| {
+        right_click(&mut harness, at);
+        let is_vehicle = harness.query_by_label("Copy pose").is_some() && has_text(&harness, "1 car1");
+        press(&mut harness, egui::Key::Escape);
+        is_vehicle
+    });
+    assert!(opened, "the mark of car 1 is at the right edge: {:?}", texts(&harness));
+}
+
+#[test]
+fn a_place_can_be_measured_from_its_menu() {
+    let mut harness = harness(Desk::with(spread(3)));
+    press(&mut harness, egui::Key::Num4);
+    let middle = place(&harness).center() + egui::vec2(40.0, 120.0);
+    right_click(&mut harness, middle);
+    click(&mut harness, "Measure from here");
+    let end = middle + egui::vec2(100.0, 0.0);
+    click_at(&mut harness, end, 1);
+    let state = &harness.state().state;
+    assert_eq!((state.measure.points.len(), state.selection.vehicle), (2, None));
+    let view = super::city::picture(&harness, city3d_viewer::ui::PictureSlot::City).view;
+    // From above a metre is as long everywhere.
+    let metres_per_point =
+        2.0 * view.extrinsics.position.z * 25_f64.to_radians().tan() / f64::from(place(&harness).height());
+    let [a, b] = [state.measure.points[0], state.measure.points[1]];
+    let off_m = a.distance(b) - 100.0 * metres_per_point;
+    assert!(off_m.abs() < 0.05 * a.distance(b), "{} m, {metres_per_point} m a point", a.distance(b));
+    let told = format!("Measure: {:.1} m in all", a.distance(b));
+    assert!(texts(&harness).iter().any(|text| text.starts_with(&told) || a.distance(b) > 100.0));
+    press(&mut harness, egui::Key::Escape);
+    assert!(!harness.state().state.measure.is_on && harness.state().state.measure.points.is_empty());
+}

@@ -1,0 +1,201 @@
+//! Panels are docked, moved, hidden and lifted; theme, size and units hold everywhere.
+
+use super::desk::{Desk, click, fleet, harness, press, with};
+use city3d_protocol::snapshot::VehicleId;
+use city3d_viewer::ui::{Layout, Panel, PictureSlot, SpeedUnit, Theme};
+use egui::accesskit::Role;
+use egui::{Key, Modifiers, Pos2, Rect, vec2};
+use egui_kittest::Harness;
+use egui_kittest::kittest::Queryable;
+
+fn city_width(harness: &Harness<'static, Desk>) -> u32 {
+    let pictures = &harness.state().state.pictures;
+    pictures.iter().find(|picture| picture.slot == PictureSlot::City).unwrap().view.extent[0]
+}
+
+fn drag(harness: &mut Harness<'static, Desk>, from: Pos2, to: Pos2) {
+    harness.hover_at(from);
+    harness.run_steps(2);
+    harness.drag_at(from);
+    harness.run_steps(2);
+    for share in [0.3, 0.7, 1.0] {
+        harness.hover_at(from.lerp(to, share));
+        harness.run_steps(2);
+    }
+    harness.drop_at(to);
+    harness.run_steps(4);
+}
+
+fn title(harness: &Harness<'static, Desk>, panel: &str) -> Rect {
+    harness.get_by_role_and_label(Role::Button, panel).rect()
+}
+
+#[test]
+fn the_table_is_hidden_by_a_key_and_by_its_button_and_comes_back() {
+    let mut harness = with(6);
+    let narrow = city_width(&harness);
+    for _ in 0..2 {
+        harness.key_press_modifiers(Modifiers::COMMAND, Key::B);
+        harness.run_steps(3);
+        assert!(harness.query_by_label("Status").is_none());
+        assert!(city_width(&harness) > narrow + 350, "{} of {narrow}", city_width(&harness));
+        harness.key_press_modifiers(Modifiers::COMMAND, Key::B);
+        harness.run_steps(3);
+        assert_eq!(city_width(&harness), narrow);
+    }
+    click(&mut harness, "Close");
+    assert!(harness.query_by_label("Status").is_none());
+}
+
+#[test]
+fn a_list_opens_below_the_table_and_covers_nothing() {
+    let mut harness = with(6);
+    harness.state_mut().state.toggle_preview(VehicleId(1));
+    harness.run_steps(4);
+    let before = city_width(&harness);
+    press(&mut harness, Key::F3);
+    press(&mut harness, Key::F4);
+    harness.run_steps(3);
+    assert_eq!(city_width(&harness), before);
+    let (table, list) = (harness.get_by_label("Status").rect(), title(&harness, "Events"));
+    assert!(list.top() > table.bottom() && list.right() < 454.0, "{list:?} below {table:?}");
+    // Both are tabs of one place; the last one is in front.
+    harness.get_by_label("Measured since 2.5 s.");
+    assert!(harness.query_by_label("Nothing has happened yet.").is_none());
+    title(&harness, "Events");
+    click(&mut harness, "Events");
+    harness.get_by_label("Nothing has happened yet.");
+    press(&mut harness, Key::Escape);
+    assert!(harness.state().state.open.events, "Escape closes what lies over the city, not what is docked");
+}
+
+#[test]
+fn a_panel_is_moved_by_its_title_and_restored() {
+    let mut harness = with(6);
+    press(&mut harness, Key::F3);
+    harness.run_steps(3);
+    let from = title(&harness, "Events").center();
+    assert!(from.x < 454.0, "{from:?}");
+    drag(&mut harness, from, Pos2::new(1270.0, 400.0));
+    let moved = title(&harness, "Events");
+    assert!(moved.left() > 800.0, "{moved:?}");
+    harness.state_mut().state.restore_layout();
+    press(&mut harness, Key::F3);
+    harness.run_steps(3);
+    assert_eq!(title(&harness, "Events").center(), from);
+}
+
+#[test]
+fn the_width_of_a_panel_is_kept_in_a_window_of_any_size_and_in_the_settings() {
+    let mut harness = with(6);
+    let edge = Pos2::new(454.5, 400.0);
+    let usual = city_width(&harness);
+    drag(&mut harness, edge, edge - vec2(60.0, 0.0));
+    let dragged = city_width(&harness);
+    assert!((50..=70).contains(&(dragged - usual)), "{usual} {dragged}");
+    harness.set_size(vec2(1600.0, 900.0));
+    harness.run_steps(4);
+    assert_eq!(city_width(&harness), dragged + 320, "the city takes what a larger window has");
+    let state = &harness.state().state;
+    let stored = state.layout.stored(state.open).unwrap();
+    let mut desk = Desk::with(fleet(6));
+    desk.state.layout = Layout::from(&stored);
+    assert_eq!(desk.state.layout.stored(desk.state.open), Some(stored));
+    assert_eq!(city_width(&self::harness(desk)), dragged);
+}
+
+#[test]
+fn panels_that_float_hide_no_other() {
+    let mut desk = Desk::with(fleet(6));
+    (desk.state.open.layers, desk.state.open.events) = (true, true);
+    desk.state.layout.toggle_floating(Panel::Events);
+    let mut harness = harness(desk);
+    harness.run_steps(4);
+    let window = |harness: &Harness<'static, Desk>, title: &str| {
+        harness.get_by_role_and_label(Role::Window, title).rect()
+    };
+    let (layers, events) = (window(&harness, "Layers"), window(&harness, "Events"));
+    assert!(!layers.intersects(events), "{layers:?} {events:?}");
+    press(&mut harness, Key::Escape);
+    press(&mut harness, Key::Escape);
+    let open = harness.state().state.open;
+    assert!(!open.layers && !open.events);
+}
+
+#[test]
+fn theme_size_and_units_hold_at_once() {
+    let mut harness = with(6);
+    harness.get_by_label("km/h");
+    harness.state_mut().state.preferences.theme = Theme::Light;
+    harness.state_mut().state.preferences.units = SpeedUnit::LabMetrePerSecond;
+    harness.run_steps(3);
+    assert!(!harness.ctx.global_style().visuals.dark_mode);
+    harness.get_by_label("m/s lab");
+    // Vehicle 6 goes with 6 m/s.
+    harness.get_by_label("0.240");
+    harness.key_press_modifiers(Modifiers::COMMAND, Key::Plus);
+    harness.run_steps(3);
+    assert_eq!(harness.ctx.zoom_factor(), 1.1);
+    harness.key_press_modifiers(Modifiers::COMMAND, Key::Num0);
+    harness.run_steps(3);
+    assert_eq!(harness.ctx.zoom_factor(), 1.0);
+}
+
+#[test]
+fn the_page_of_settings_changes_them() {
+    let mut harness = with(6);
+    harness.key_press_modifiers(Modifiers::COMMAND, Key::Comma);
+    harness.run_steps(4);
+    click(&mut harness, "Light");
+    click(&mut harness, "Colour-blind");
+    let preferences = harness.state().state.preferences;
+    assert_eq!(preferences.theme, Theme::Light);
+    assert_ne!(preferences.colours, city3d_viewer::ui::Preferences::default().colours);
+    press(&mut harness, Key::Escape);
+    assert!(!harness.state().state.open.settings);
+}
+
+#[test]
+fn in_a_narrow_window_the_bar_breaks_between_its_groups() {
+    let mut harness = with(6);
+    for width in [1280.0, 1000.0, 900.0, 700.0] {
+        harness.set_size(vec2(width, 700.0));
+        harness.run_steps(4);
+        let top = |label: &str| harness.get_by_label(label).rect().center().y;
+        for group in
+            [&["Orbit", "Chase", "Onboard", "Overhead", "Free"][..], &["Layers", "Cameras", "Panels", "Help"]]
+        {
+            let tops: Vec<f32> = group.iter().map(|label| top(label)).collect();
+            assert!(tops.iter().all(|y| (y - tops[0]).abs() < 2.0), "{width}: {group:?} at {tops:?}");
+            let right = harness.get_by_label(group[group.len() - 1]).rect().right();
+            assert!(right <= width, "{width}: {group:?} ends at {right}");
+        }
+        let rows = if width >= 1280.0 { 1 } else { 2 };
+        let last = top("Help") - top("\u{27f2} Reset");
+        assert!((last > 10.0) == (rows > 1), "{width}: {last} below");
+    }
+}
+
+#[test]
+fn without_previews_the_city_has_their_room_and_the_bar_opens_one() {
+    let mut harness = with(6);
+    let wide = city_width(&harness);
+    // Nobody is selected: the first one's.
+    click(&mut harness, "Cameras");
+    assert_eq!(harness.state().state.previews[0].vehicle, VehicleId(1));
+    harness.run_steps(3);
+    assert!(city_width(&harness) + 200 < wide, "{} of {wide}", city_width(&harness));
+    harness.state_mut().state.selection.vehicle = Some(VehicleId(4));
+    press(&mut harness, Key::P);
+    let open = |harness: &Harness<'static, Desk>| -> Vec<u32> {
+        harness.state().state.previews.iter().map(|preview| preview.vehicle.0).collect()
+    };
+    assert_eq!(open(&harness), [1, 4]);
+    // Hidden, they are not drawn, and come back as they were.
+    harness.key_press_modifiers(Modifiers::COMMAND | Modifiers::SHIFT, Key::B);
+    harness.run_steps(3);
+    assert_eq!((city_width(&harness), harness.state().state.pictures.len()), (wide, 1));
+    harness.key_press_modifiers(Modifiers::COMMAND | Modifiers::SHIFT, Key::B);
+    harness.run_steps(3);
+    assert_eq!((open(&harness), harness.state().state.pictures.len()), (vec![1, 4], 3));
+}

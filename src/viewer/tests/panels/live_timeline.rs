@@ -1,0 +1,227 @@
+//! The timeline under a run that goes on: looking back, coming back, what is grave, goals of a run, and videos.
+
+use super::city::has_text;
+use super::desk::{Desk, click, fleet, harness, present, press};
+use city3d_protocol::snapshot::{EventKind, VehicleId};
+use city3d_session::playback::{MarkKind, Occurrence, PlaybackCommand, Playhead, TimelineMark};
+use city3d_session::{Order, RunGoal, RunPhase};
+use city3d_viewer::ui::{ManualDrive, PastView, UiAction, VideoKind, VideoStatus, announcement};
+use egui::{Key, Pos2};
+use egui_kittest::Harness;
+use egui_kittest::kittest::Queryable;
+
+fn mark(time_s: f64, vehicle: u32, what: Occurrence) -> TimelineMark {
+    TimelineMark { time_s, vehicle: VehicleId(vehicle), what }
+}
+
+fn collision(time_s: f64, vehicle: u32, with: u32) -> TimelineMark {
+    mark(time_s, vehicle, Occurrence::Event(EventKind::Collision { with: VehicleId(with) }))
+}
+
+fn some() -> Vec<TimelineMark> {
+    vec![
+        mark(0.5, 1, Occurrence::Event(EventKind::Stop)),
+        collision(1.25, 3, 5),
+        mark(1.5, 2, Occurrence::LongStop),
+        mark(2.0, 4, Occurrence::Event(EventKind::Merge)),
+    ]
+}
+
+/// A run that goes on at 2.5 s.
+fn live() -> Harness<'static, Desk> {
+    let mut desk = Desk::with(fleet(6));
+    desk.run_state.phase = RunPhase::Running;
+    desk.events = some();
+    harness(desk)
+}
+
+fn take_actions(harness: &mut Harness<'static, Desk>) -> Vec<UiAction> {
+    std::mem::take(&mut harness.state_mut().actions)
+}
+
+fn cues(harness: &mut Harness<'static, Desk>) -> Vec<PlaybackCommand> {
+    let cue = |action: UiAction| match action {
+        UiAction::PlaybackCommand(cue) => cue,
+        other => panic!("{other:?}"),
+    };
+    take_actions(harness).into_iter().map(cue).collect()
+}
+
+/// The past of that run, at 1.2 s.
+fn look_back(harness: &mut Harness<'static, Desk>) {
+    let head = Playhead { at_s: 1.2, before_s: 1.1, ..present(2.5) };
+    harness.state_mut().past = Some(PastView { head, is_shown: true });
+    harness.state_mut().change(|now| now.time_s = 1.2);
+    harness.run_steps(3);
+}
+
+#[test]
+fn from_the_present_keys_lead_back_and_the_others_stay_what_they_were() {
+    let mut harness = live();
+    for (key, cue) in [
+        (Key::OpenBracket, PlaybackCommand::Show(2.0)),
+        (Key::G, PlaybackCommand::Show(1.5)),
+        (Key::J, PlaybackCommand::Reverse),
+        (Key::Comma, PlaybackCommand::Step { forward: false }),
+        (Key::Home, PlaybackCommand::Seek(0.0)),
+    ] {
+        press(&mut harness, key);
+        assert_eq!(cues(&mut harness), [cue], "{key:?}");
+    }
+    for key in [Key::CloseBracket, Key::Period, Key::End, Key::ArrowLeft] {
+        press(&mut harness, key);
+        assert_eq!(take_actions(&mut harness), [], "{key:?}");
+    }
+    press(&mut harness, Key::Space);
+    assert_eq!(take_actions(&mut harness), [UiAction::Order(Order::Pause)], "the city's");
+}
+
+#[test]
+fn in_the_past_a_sign_says_so_keys_are_those_of_a_player_and_end_leads_to_the_present() {
+    let mut harness = live();
+    assert!(!has_text(&harness, "Past: 1.2 s"));
+    look_back(&mut harness);
+    assert!(has_text(&harness, "Past: 1.2 s") && has_text(&harness, "the city drives on at 2.5 s"));
+    for (key, cue) in [
+        (Key::Space, PlaybackCommand::Play),
+        (Key::Period, PlaybackCommand::Step { forward: true }),
+        (Key::CloseBracket, PlaybackCommand::Show(1.25)),
+        (Key::End, PlaybackCommand::Live),
+    ] {
+        press(&mut harness, key);
+        assert_eq!(cues(&mut harness), [cue], "{key:?}");
+    }
+    click(&mut harness, "Live");
+    click(&mut harness, "\u{23e9} Live");
+    assert_eq!(cues(&mut harness), [PlaybackCommand::Live; 2]);
+    // The run itself is still held by its own button.
+    click(&mut harness, "\u{23f8} Pause");
+    assert_eq!(take_actions(&mut harness), [UiAction::Order(Order::Pause)]);
+}
+
+#[test]
+fn the_track_seeks_and_its_end_is_the_present() {
+    let mut harness = live();
+    // The scenario lasts 30 s, so that marks stay where they are while time goes on.
+    let rect = harness.get_by_label("Timeline").rect();
+    let x = |time_s: f32| rect.left() + 8.0 + (rect.width() - 16.0) * time_s / 30.0;
+    for (time_s, y, expected) in
+        [(1.0, 17.0, Some(1.0)), (2.0, 17.0, Some(2.0)), (20.0, 17.0, None), (1.25, 5.0, Some(1.25))]
+    {
+        let at = Pos2::new(x(time_s), rect.top() + y);
+        harness.event(egui::Event::PointerMoved(at));
+        for pressed in [true, false] {
+            let (button, modifiers) = (egui::PointerButton::Primary, egui::Modifiers::NONE);
+            harness.event(egui::Event::PointerButton { pos: at, button, pressed, modifiers });
+        }
+        harness.run_steps(10);
+        match (&cues(&mut harness)[..], expected) {
+            ([PlaybackCommand::Live], None) => {}
+            ([PlaybackCommand::Seek(seen_s) | PlaybackCommand::Show(seen_s)], Some(wanted_s)) => {
+                assert!((seen_s - wanted_s).abs() < 0.05, "{seen_s}, {wanted_s}");
+            }
+            (other, _) => panic!("{time_s}: {other:?}"),
+        }
+    }
+    assert_eq!(harness.state().state.selection.vehicle, Some(VehicleId(3)), "whom the mark is of");
+}
+
+#[test]
+fn what_is_grave_is_counted_and_shown_where_and_when_it_happened() {
+    let mut harness = live();
+    harness.get_by_label("4 events");
+    harness.get_by_label("2.00 s: 4 car4, merge");
+    click(&mut harness, "1 long stop");
+    assert_eq!(cues(&mut harness), [PlaybackCommand::Show(1.5)]);
+    assert_eq!(harness.state().state.viewpoint.follow, Some(VehicleId(2)));
+    harness.state_mut().events.push(collision(2.4, 6, 1));
+    let lost = mark(2.45, 5, Occurrence::Event(EventKind::LinkLost));
+    harness.state_mut().events.push(lost.clone());
+    harness.run_steps(2);
+    click(&mut harness, "2 collisions");
+    click(&mut harness, "1 lost link");
+    assert_eq!(cues(&mut harness), [2.4, 2.45].map(PlaybackCommand::Show));
+    let snapshot = fleet(6);
+    assert_eq!(announcement(&snapshot, &some()[..1]), None, "a stop is usual");
+    let said = announcement(&snapshot, &some()).unwrap();
+    assert_eq!(said, "1.25 s: 3 car3, collision with 5, and 1 more (G shows the last)");
+    let said = announcement(&snapshot, &[lost]).unwrap();
+    assert_eq!(said, "2.45 s: 5 car5, link lost (G shows it)");
+}
+
+#[test]
+fn events_of_another_run_are_counted_anew() {
+    let mut harness = live();
+    harness.state_mut().events = vec![collision(0.1, 1, 2), collision(0.2, 3, 4)];
+    harness.run_steps(2);
+    harness.get_by_label("2 events");
+    harness.get_by_label("2 collisions");
+    assert!(harness.query_by_label("1 long stop").is_none());
+    // As many as before, and others.
+    harness.state_mut().events = some()[..2].to_vec();
+    harness.run_steps(2);
+    harness.get_by_label("1 collision");
+}
+
+#[test]
+fn who_drives_steers_and_does_not_look_back() {
+    let mut desk = Desk::with(fleet(1));
+    desk.events = some();
+    desk.state.driving = Some(ManualDrive::take_over(VehicleId(1), 1, 0.0));
+    let mut harness = harness(desk);
+    take_actions(&mut harness);
+    for key in [Key::OpenBracket, Key::Comma, Key::Home] {
+        press(&mut harness, key);
+    }
+    let looks = |action: &UiAction| matches!(action, UiAction::PlaybackCommand(_));
+    assert!(!take_actions(&mut harness).iter().any(looks));
+}
+
+#[test]
+fn a_run_goes_on_for_some_steps_up_to_a_time_or_up_to_an_event() {
+    let mut harness = live();
+    let mut choose = |label: &str| {
+        click(&mut harness, "\u{23ed} Until ...");
+        click(&mut harness, label);
+        take_actions(&mut harness)
+    };
+    let steps = choose("Step");
+    let [UiAction::Order(Order::RunUntil(RunGoal::Time(goal_s)))] = steps[..] else { panic!("{steps:?}") };
+    // Ten steps of 10 ms from 2.5 s: past the ninth, and not past the tenth.
+    assert!((2.59..2.60).contains(&goal_s), "{goal_s}");
+    let until = choose("Run until");
+    assert_eq!(until, [UiAction::Order(Order::RunUntil(RunGoal::Time(10.0)))]);
+    let event = choose("Until the next collision");
+    let goal = RunGoal::Event(Some(MarkKind::Collision));
+    assert_eq!(event, [UiAction::Order(Order::RunUntil(goal))]);
+    harness.state_mut().run_state.goal = Some(goal);
+    harness.run_steps(2);
+    harness.get_by_label("\u{23ed} Until the next collision");
+}
+
+#[test]
+fn a_video_begins_and_ends_by_a_key_or_a_button_and_says_how_long_it_is() {
+    let mut harness = live();
+    press(&mut harness, Key::F9);
+    click(&mut harness, "\u{23fa} Video");
+    assert_eq!(take_actions(&mut harness), [VideoKind::AsSeen; 2].map(UiAction::Video));
+    click(&mut harness, "\u{23f7}");
+    click(&mut harness, "Time-lapse");
+    let lapse = VideoKind::TimeLapse { every_s: 1.0 };
+    assert_eq!(take_actions(&mut harness), [UiAction::Video(lapse)]);
+    harness.state_mut().video = Some(VideoStatus { kind: VideoKind::AsSeen, length_s: 75.2 });
+    harness.run_steps(2);
+    click(&mut harness, "\u{23f9} 1:15");
+    assert_eq!(take_actions(&mut harness), [UiAction::Video(VideoKind::AsSeen)]);
+}
+
+#[test]
+fn nothing_moves_when_one_looks_back() {
+    let mut harness = live();
+    let left = |harness: &Harness<'static, Desk>| {
+        ["4 events", "\u{23fa} Video", "\u{25b6} Play"].map(|label| harness.get_by_label(label).rect().left())
+    };
+    let before = left(&harness);
+    look_back(&mut harness);
+    assert_eq!(left(&harness), before);
+}

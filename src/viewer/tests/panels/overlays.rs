@@ -1,0 +1,211 @@
+//! Overlays of the city: the outline of the selection, labels, paths, gaps, colours, and the legend.
+
+#![allow(clippy::disallowed_methods, reason = "looks at what is drawn; no state depends on it")]
+
+use super::city::{has_text, place, spread, texts, vehicle_at};
+use super::desk::{Desk, harness, press};
+use city3d_protocol::snapshot::{ControlDecision, Status, VehicleId};
+use city3d_roadmap::LaneId;
+use city3d_sensors::{Lens, Mount};
+use city3d_session::ControlInsight;
+use city3d_viewer::ui::{ColourBy, ScenarioCamera};
+use egui::{Rect, Shape};
+use egui_kittest::Harness;
+use glam::{DVec2, DVec3, Vec3};
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+/// Places of the texts that are painted.
+fn text_rect(harness: &Harness<'static, Desk>, text: &str) -> Option<Rect> {
+    fn of(shape: &Shape, text: &str) -> Option<Rect> {
+        match shape {
+            Shape::Text(painted) if painted.galley.text() == text => Some(painted.visual_bounding_rect()),
+            Shape::Vec(shapes) => shapes.iter().find_map(|shape| of(shape, text)),
+            _ => None,
+        }
+    }
+    harness.output().shapes.iter().find_map(|clipped| of(&clipped.shape, text))
+}
+
+/// How many lines of the overlay lie within some metres of a vehicle.
+fn lines_near(harness: &Harness<'static, Desk>, index: usize, within_m: f32) -> usize {
+    let at = harness.state().run_state.now.vehicles[index].position.as_vec3();
+    let is_near = |point: &Vec3| point.distance(at) < within_m;
+    harness.state().state.overlay.lines.iter().filter(|line| line.ends.iter().all(is_near)).count()
+}
+
+#[test]
+fn the_selected_vehicle_has_an_outline_that_shows_through_walls_and_others_have_none() {
+    let mut harness = harness(Desk::with(spread(3)));
+    assert!(harness.state().state.overlay.is_empty());
+    harness.state_mut().state.selection.vehicle = Some(VehicleId(2));
+    harness.run_steps(2);
+    assert_eq!([0, 1, 2].map(|index| lines_near(&harness, index, 5.0)), [0, 12, 0], "the edges of its box");
+    let overlay = &harness.state().state.overlay;
+    assert!(overlay.triangles.len() >= 8, "a ring on the ground");
+    assert!(overlay.triangles.iter().all(|ring| ring.paint.behind > 0.0 && ring.paint.behind < 1.0));
+}
+
+#[test]
+fn a_label_stands_above_its_vehicle_and_nothing_crosses_the_windscreen() {
+    let mut desk = Desk::with(spread(3));
+    desk.state.selection.vehicle = Some(VehicleId(2));
+    let mut harness = harness(desk);
+    for key in [egui::Key::Num1, egui::Key::Num4] {
+        press(&mut harness, key);
+        let label = text_rect(&harness, "2 car2").expect("it has a label");
+        let view = super::city::picture(&harness, city3d_viewer::ui::PictureSlot::City).view;
+        let vehicle = &harness.state().run_state.now.vehicles[1];
+        let corners = [[-2.5, -1.25], [2.5, -1.25], [2.5, 1.25], [-2.5, 1.25]];
+        let tops = corners.iter().flat_map(|[x, y]| [0.0, 1.5].map(|z| DVec3::new(*x, *y, z)));
+        let [_, height] = view.extent.map(|pixels| pixels as f32);
+        let top = tops
+            .map(|corner| view.project(vehicle.position + corner).unwrap().y as f32)
+            .fold(f32::INFINITY, f32::min);
+        let rect = place(&harness);
+        let top = rect.top() + top / height * rect.height();
+        assert!(
+            label.bottom() <= top,
+            "{key:?}: the label ends at {}, the car begins at {top}",
+            label.bottom()
+        );
+    }
+    // No line of the panels runs from the label to the car.
+    let car = vehicle_at(&harness, 1);
+    let crosses = harness.output().shapes.iter().any(|clipped| match &clipped.shape {
+        Shape::LineSegment { points, .. } => points.iter().any(|point| point.distance(car) < 6.0),
+        _ => false,
+    });
+    assert!(!crosses);
+}
+
+#[test]
+fn the_route_of_the_selected_vehicle_is_told_from_those_of_the_others() {
+    let mut desk = Desk::with(spread(3));
+    let lanes: Vec<LaneId> = desk.map.lanes.iter().take(2).map(|lane| lane.id).collect();
+    desk.routes = (1..=3).map(|id| (VehicleId(id), lanes.clone())).collect();
+    desk.state.layers.all_routes = true;
+    let mut harness = harness(desk);
+    let widths = |harness: &Harness<'static, Desk>| {
+        let lines = &harness.state().state.overlay.lines;
+        let widest = lines.iter().map(|line| line.width).fold(0.0, f32::max);
+        (lines.iter().filter(|line| line.width < 2.0).count(), widest)
+    };
+    let (all, widest) = widths(&harness);
+    assert!(all > 0 && widest < 2.0, "of all, none stands out");
+    // Beside one another: at the same place along the lane each has a line of its own.
+    let first: Vec<Vec3> = harness.state().state.overlay.lines.iter().map(|line| line.ends[0]).collect();
+    let distinct = first.iter().filter(|point| first[0].distance(**point) < 3.0).count();
+    assert!(distinct >= 3, "{distinct}");
+    harness.state_mut().state.selection.vehicle = Some(VehicleId(2));
+    harness.run_steps(2);
+    let (others, widest) = widths(&harness);
+    assert!(others < all && widest >= 4.0, "the selected one is wide");
+    assert!(has_text(&harness, "route of vehicle 2"), "{:?}", texts(&harness));
+    harness.state_mut().state.layers.legend = false;
+    harness.run_steps(2);
+    assert!(!has_text(&harness, "route of vehicle 2"));
+}
+
+/// Two cars on a lane, one behind the other, so many metres from bumper to bumper.
+fn following(gap_m: f64) -> Desk {
+    let mut desk = Desk::with(spread(2));
+    let lane = desk.map.lanes.iter().max_by(|a, b| a.curve.length().total_cmp(&b.curve.length())).unwrap();
+    let (id, curve) = (lane.id, lane.curve.clone());
+    desk.routes = (1..=2).map(|vehicle| (VehicleId(vehicle), vec![id])).collect();
+    desk.change(|now| {
+        for (vehicle, at_m) in now.vehicles.iter_mut().zip([10.0, 15.0 + gap_m]) {
+            let pose = curve.at(at_m).pose;
+            vehicle.position = pose.position.extend(0.0);
+            vehicle.orientation = glam::DQuat::from_axis_angle(DVec3::Z, pose.yaw_rad);
+            (vehicle.speed_mps, vehicle.status) = (8.0, Status::Driving);
+        }
+    });
+    desk
+}
+
+#[test]
+fn gaps_are_written_in_metres_and_seconds() {
+    for (gap_m, text) in [(12.0, "12.0 m, 1.5 s"), (4.0, "4.0 m, 0.5 s")] {
+        let mut desk = following(gap_m);
+        desk.state.layers.gaps = true;
+        desk.state.selection.follow = Some(VehicleId(1));
+        let mut harness = harness(desk);
+        harness.run_steps(30);
+        assert!(has_text(&harness, text), "{text} in {:?}", texts(&harness));
+        assert!(has_text(&harness, "gap of less than 1 s"), "the legend tells the colours");
+        assert_eq!(harness.state().state.overlay.lines.len(), 1);
+    }
+}
+
+#[test]
+fn paths_boxes_frusta_and_measured_poses_have_layers() {
+    let mut desk = following(20.0);
+    let camera = ScenarioCamera { name: "front".into(), mount: Mount::Bumper, lens: Lens::default() };
+    desk.cameras = BTreeMap::from([(VehicleId(1), vec![camera])]);
+    let measured = |id: u32, left_m: f64| {
+        let vehicle = desk.run_state.now.vehicle(VehicleId(id)).unwrap();
+        let pose = vehicle.pose();
+        let measured = city3d_geometry_pose(pose.point_at(0.0, left_m), pose.yaw_rad);
+        ControlDecision { vehicle: VehicleId(id), measured, ..ControlDecision::default() }
+    };
+    let decisions = Some(vec![measured(1, 0.3), measured(2, 0.3)]);
+    desk.run_state.insight = Some(Arc::new(ControlInsight { decisions, ..ControlInsight::default() }));
+    let mut harness = harness(desk);
+    let lines = |harness: &Harness<'static, Desk>| harness.state().state.overlay.lines.len();
+    let switch = |harness: &mut Harness<'static, Desk>, set: fn(&mut city3d_viewer::ui::Layers, bool)| {
+        set(&mut harness.state_mut().state.layers, true);
+        harness.run_steps(2);
+        let count = lines(harness);
+        set(&mut harness.state_mut().state.layers, false);
+        harness.run_steps(2);
+        assert_eq!(lines(harness), 0);
+        count
+    };
+    assert_eq!(switch(&mut harness, |layers, on| layers.boxes = on), 24);
+    assert_eq!(switch(&mut harness, |layers, on| layers.frusta = on), 8);
+    assert_eq!(switch(&mut harness, |layers, on| layers.measured = on), 10, "outlines, and ways to them");
+    // At 8 m/s six seconds are 48 m.
+    assert!(switch(&mut harness, |layers, on| layers.path = on) > 40);
+    for step in 1..=20 {
+        harness.state_mut().change(|now| {
+            now.time_s += 0.5;
+            now.vehicles[0].position.x += f64::from(step) * 0.1;
+        });
+        harness.run_steps(1);
+    }
+    assert!(switch(&mut harness, |layers, on| layers.tracks = on) >= 15);
+}
+
+fn city3d_geometry_pose(position: DVec2, yaw_rad: f64) -> city3d_geometry::Pose2 {
+    city3d_geometry::Pose2::at(position, yaw_rad)
+}
+
+#[test]
+fn vehicles_are_coloured_by_status_speed_or_waiting_time_and_the_legend_says_so() {
+    let mut desk = following(20.0);
+    desk.state.layers.boxes = true;
+    desk.change(|now| {
+        now.vehicles[0].speed_mps = 0.0;
+        now.vehicles[1].speed_mps = 20.0;
+    });
+    let mut harness = harness(desk);
+    let colours = |harness: &Harness<'static, Desk>| {
+        let lines = &harness.state().state.overlay.lines;
+        [lines[0].paint.colour, lines[12].paint.colour]
+    };
+    assert_eq!(colours(&harness)[0], colours(&harness)[1], "both are driving");
+    harness.state_mut().state.layers.colour = ColourBy::Speed;
+    harness.run_steps(2);
+    let [slow, fast] = colours(&harness);
+    assert!(slow != fast && fast[0] > 240, "{slow:?} {fast:?}");
+    assert!(has_text(&harness, "speed: 0 to 50 km/h"), "{:?}", texts(&harness));
+    harness.state_mut().state.layers.colour = ColourBy::Waiting;
+    for _ in 0..30 {
+        harness.state_mut().change(|now| now.time_s += 1.0);
+        harness.run_steps(1);
+    }
+    let [stands, drives] = colours(&harness);
+    assert!(stands != drives, "it has been standing for half a minute");
+    assert!(has_text(&harness, "waiting time: 0 to 60 s"));
+}

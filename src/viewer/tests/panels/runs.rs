@@ -1,0 +1,331 @@
+//! Getting in, and the end of a run: start page, file panel, questions and cards.
+
+use super::desk::{Desk, click, experiment, fleet, harness, press, with};
+use city3d_logbook::measures::RunMeasures;
+use city3d_protocol::snapshot::{Event, EventKind, FrameSnapshot, Status, VehicleId};
+use city3d_session::{Order, RunPhase};
+use city3d_simulation::environment::EnvironmentProfile;
+use city3d_simulation::runner::{Observer, Summary};
+use city3d_simulation::scenario::Overrides;
+use city3d_viewer::ui::UiAction;
+use city3d_viewer::ui::runs::{ComparedRuns, FilePurpose, OpenRequest, Problem, ResetQuestion, RunEntry};
+use egui::accesskit::Role;
+use egui::{Key, Modifiers};
+use egui_kittest::Harness;
+use egui_kittest::kittest::Queryable;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+fn command(harness: &mut Harness<'static, Desk>, key: Key) {
+    harness.key_press_modifiers(Modifiers::COMMAND, key);
+    harness.run_steps(3);
+}
+
+fn opened(what: impl Into<PathBuf>) -> UiAction {
+    UiAction::Open(OpenRequest { what: what.into(), ..OpenRequest::default() })
+}
+
+/// A folder with a scenario, a map, a run and a folder with another scenario.
+fn files() -> tempfile::TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    for inside in ["deeper", "run-1"] {
+        std::fs::create_dir(folder.path().join(inside)).unwrap();
+    }
+    for file in ["deeper/inner.toml", "mine.toml", "town.dxf", "run-1/run.mcap", "notes.txt"] {
+        std::fs::write(folder.path().join(file), "").unwrap();
+    }
+    folder
+}
+
+fn browsing(folder: &Path) -> Harness<'static, Desk> {
+    let mut desk = Desk::with(fleet(2));
+    desk.state.runs.last_folder = Some(folder.to_path_buf());
+    let mut harness = harness(desk);
+    command(&mut harness, Key::O);
+    harness
+}
+
+#[test]
+fn files_are_opened_by_the_keyboard_alone() {
+    let folder = files();
+    let mut harness = browsing(folder.path());
+    for name in ["deeper", "mine.toml", "town.dxf", "run-1"] {
+        harness.get_by_label(name);
+    }
+    assert!(harness.query_by_label("notes.txt").is_none());
+    press(&mut harness, Key::Enter);
+    harness.get_by_label("inner.toml");
+    press(&mut harness, Key::Backspace);
+    assert!(harness.query_by_label("inner.toml").is_none());
+    for _ in 0..2 {
+        press(&mut harness, Key::ArrowDown);
+    }
+    press(&mut harness, Key::ArrowUp);
+    press(&mut harness, Key::Enter);
+    assert_eq!(harness.state().actions, [opened(folder.path().join("mine.toml"))]);
+    assert!(harness.state().state.runs.files.is_none());
+    assert_eq!(harness.state().state.selection.vehicle, None, "its keys are no one else's");
+}
+
+#[test]
+fn a_typed_name_is_completed_and_a_wrong_one_is_told() {
+    let folder = files();
+    let mut harness = browsing(folder.path());
+    harness.event(egui::Event::Text("t".to_owned()));
+    harness.run_steps(2);
+    assert!(harness.query_by_label("mine.toml").is_none(), "the list follows what is typed");
+    press(&mut harness, Key::Tab);
+    press(&mut harness, Key::Enter);
+    assert_eq!(harness.state().actions, [opened(folder.path().join("town.dxf"))]);
+    command(&mut harness, Key::O);
+    harness.event(egui::Event::Text("nowhere.toml".to_owned()));
+    harness.run_steps(2);
+    press(&mut harness, Key::Enter);
+    assert!(harness.query_by_label_contains("has no \"nowhere.toml\"").is_some());
+    press(&mut harness, Key::Escape);
+    assert!(harness.state().state.runs.files.is_none());
+    assert_eq!(harness.state().actions.len(), 1);
+}
+
+#[test]
+fn the_filter_shows_logs_alone_and_a_second_click_on_a_run_opens_it() {
+    let folder = files();
+    let mut harness = browsing(folder.path());
+    click(&mut harness, "Logs");
+    assert!(harness.query_by_label("mine.toml").is_none());
+    // A click marks, a second one opens.
+    click(&mut harness, "run-1");
+    assert_eq!(harness.state().actions, []);
+    click(&mut harness, "run-1");
+    assert_eq!(harness.state().actions, [opened(folder.path().join("run-1"))]);
+}
+
+#[test]
+fn the_start_page_opens_scenarios_with_what_its_fields_say() {
+    let mut harness = with(2);
+    click(&mut harness, "Open");
+    harness.get_by_label("Recent files");
+    // The first card has the keyboard.
+    press(&mut harness, Key::ArrowRight);
+    press(&mut harness, Key::Enter);
+    assert_eq!(harness.state().actions, [opened("city")]);
+    assert!(!harness.state().state.runs.start_page.is_open);
+    click(&mut harness, "Open");
+    let fields = &mut harness.state_mut().state.runs.start_page.fields;
+    (fields.seed, fields.environment) = ("7".to_owned(), Some(EnvironmentProfile::Testbed));
+    fields.hours = Some(22.0);
+    harness.run_steps(2);
+    click(&mut harness, "straight");
+    let overrides =
+        Overrides { seed: Some(7), environment: Some(EnvironmentProfile::Testbed), ..Overrides::default() };
+    let expected = OpenRequest { what: "straight".into(), overrides, hours: Some(22.0), starts: false };
+    assert_eq!(harness.state().actions.last(), Some(&UiAction::Open(expected)));
+}
+
+#[test]
+fn a_wrong_field_says_so_and_opens_nothing() {
+    let mut harness = with(2);
+    click(&mut harness, "Open");
+    harness.state_mut().state.runs.start_page.fields.seed = "seven".to_owned();
+    harness.run_steps(2);
+    click(&mut harness, "city");
+    assert!(harness.query_by_label_contains("The seed is a whole number").is_some());
+    assert_eq!(harness.state().actions, []);
+    press(&mut harness, Key::Escape);
+    assert!(!harness.state().state.runs.start_page.is_open);
+}
+
+#[test]
+fn the_start_page_lists_recent_files_and_recorded_runs() {
+    let mut desk = Desk::with(fleet(1));
+    desk.lists.recent = vec!["/home/me/experiments/mine.toml".into()];
+    desk.lists.runs = vec![entry("/runs/roundabout-1/run-1", "roundabout, run 1")];
+    let mut harness = harness(desk);
+    click(&mut harness, "Open");
+    click(&mut harness, "roundabout, run 1   2 hours ago");
+    click(&mut harness, "Open");
+    click(&mut harness, ".../me/experiments/mine.toml");
+    let expected = [opened("/runs/roundabout-1/run-1"), opened("/home/me/experiments/mine.toml")];
+    assert_eq!(harness.state().actions, expected);
+}
+
+fn entry(folder: &str, name: &str) -> RunEntry {
+    let age = "2 hours ago".to_owned();
+    RunEntry { folder: folder.into(), name: name.to_owned(), age, has_summary: true }
+}
+
+#[derive(Debug)]
+struct Dropped(PathBuf);
+
+impl egui::DroppedFile for Dropped {
+    fn path(&self) -> &Path {
+        &self.0
+    }
+
+    fn bytes(&self) -> Result<Vec<u8>, String> {
+        Err("nobody reads it here".to_owned())
+    }
+}
+
+#[test]
+fn a_file_that_is_dropped_on_the_window_is_opened() {
+    let mut harness = with(1);
+    harness.input_mut().dropped_files.push(Arc::new(Dropped("/home/me/mine.toml".into())));
+    harness.run_steps(1);
+    assert_eq!(harness.state().actions, [opened("/home/me/mine.toml")]);
+}
+
+/// The summary of a run of the desk's scenario with a collision and some stops.
+fn outcome() -> Summary {
+    let experiment = experiment();
+    let mut observer = Observer::new(&experiment);
+    let mut snapshot = FrameSnapshot { time_s: 12.0, tick: 1200, ..FrameSnapshot::default() };
+    let event = |vehicle, kind| Event { time_s: 9.0, vehicle: VehicleId(vehicle), kind };
+    snapshot.events = vec![
+        event(1, EventKind::Stop),
+        event(2, EventKind::Stop),
+        event(2, EventKind::Collision { with: VehicleId(1) }),
+    ];
+    let mut events = snapshot.events.clone();
+    observer.observe(None, &snapshot, &mut events);
+    Summary::new(&experiment, &observer, &snapshot, events, 1.0)
+}
+
+fn finished() -> Desk {
+    let mut desk = Desk::with(fleet(2));
+    desk.run_state.phase = RunPhase::Over;
+    desk.run_state.folder = Some("/runs/straight-1/run-1".into());
+    desk.run_state.outcome = Some(Arc::new(outcome()));
+    desk
+}
+
+#[test]
+fn a_finished_run_tells_what_came_of_it_and_what_can_be_done() {
+    let mut desk = finished();
+    desk.change(|now| now.vehicles[0].status = Status::Collided);
+    let mut harness = harness(desk);
+    for text in ["Run finished", "Collisions", "Stops", "Mean speed", "/runs/straight-1/run-1"] {
+        assert!(harness.query_all_by_label_contains(text).count() > 0, "{text}");
+    }
+    assert!(harness.query_by_label_contains("straight, seed 1: 12.0 s simulated").is_some());
+    assert!(harness.query_by_label_contains("Vehicles that have collided stay where they are").is_some());
+    click(&mut harness, "Replay");
+    click(&mut harness, "Run again");
+    click(&mut harness, "Continue");
+    let expected = [UiAction::Replay, UiAction::RunAgain(Some(2)), UiAction::Order(Order::Start)];
+    assert_eq!(harness.state().actions, expected);
+    // It can be put away, and the next run has a card of its own.
+    click(&mut harness, "Close window");
+    assert!(harness.query_by_label("Replay").is_none());
+    harness.state_mut().run_state.run = 2;
+    harness.run_steps(2);
+    harness.get_by_label("Replay");
+}
+
+#[test]
+fn a_run_that_goes_on_has_no_card_and_its_clock_does_not_mislead() {
+    let mut desk = finished();
+    desk.run_state.phase = RunPhase::Running;
+    desk.change(|now| now.time_s = 72.99);
+    let mut harness = harness(desk);
+    assert!(harness.query_by_label("Replay").is_none());
+    harness.get_by_label("  72.99 s");
+    harness.get_by_label("past 30 s");
+    harness.state_mut().change(|now| now.time_s = 12.0);
+    harness.run_steps(2);
+    harness.get_by_label("of 30 s");
+}
+
+#[test]
+fn two_runs_are_compared_measure_by_measure() {
+    let mut desk = finished();
+    desk.lists.runs = vec![
+        entry("/runs/straight-1/run-1", "its own run"),
+        entry("/runs/straight-2/run-1", "straight, run 1"),
+    ];
+    let mut harness = harness(desk);
+    click(&mut harness, "Compare with ...");
+    assert!(harness.query_by_label_contains("its own run").is_none());
+    click(&mut harness, "straight, run 1   2 hours ago");
+    let other = UiAction::CompareWith("/runs/straight-2/run-1".into());
+    assert_eq!(harness.state().actions, [other]);
+    let present = RunMeasures::of(&outcome());
+    let mut measured = present.clone();
+    measured.collisions = 5;
+    let names = ["this run".to_owned(), "another".to_owned()];
+    let pairs = present.beside(&measured);
+    harness.state_mut().state.runs.comparison.show(ComparedRuns { names, pairs, note: None });
+    harness.run_steps(3);
+    harness.get_by_label("A  this run");
+    let row = harness.get_by_label("collisions").rect().center().y;
+    for text in ["1", "5", "+4"] {
+        let mut cells = harness.get_all_by_label(text);
+        assert!(cells.any(|cell| (cell.rect().center().y - row).abs() < 3.0), "{text}");
+    }
+}
+
+#[test]
+fn a_reset_is_asked_for_and_says_where_the_log_stays() {
+    let mut harness = with(2);
+    let text = "It is at 12.5 s. Its log stays in /runs/run-1.".to_owned();
+    let ask = |harness: &mut Harness<'static, Desk>| {
+        harness.state_mut().state.runs.question = Some(ResetQuestion { text: text.clone(), is_new: true });
+        harness.run_steps(3);
+        harness.get_by_label("It is at 12.5 s. Its log stays in /runs/run-1.");
+    };
+    ask(&mut harness);
+    press(&mut harness, Key::Escape);
+    assert_eq!((harness.state().actions.len(), harness.state().state.runs.question.is_none()), (0, true));
+    ask(&mut harness);
+    press(&mut harness, Key::Enter);
+    assert_eq!(harness.state().actions, [UiAction::ResetConfirmed]);
+}
+
+#[test]
+fn what_cannot_be_opened_is_told_with_a_way_to_another_file() {
+    let mut harness = with(2);
+    let problem = Problem::of_file("mine.toml cannot be opened", "mine.toml: line 5, column 41: no lane");
+    harness.state_mut().state.runs.problem = Some(problem);
+    harness.run_steps(3);
+    harness.get_by_label("mine.toml cannot be opened");
+    harness.get_by_label("mine.toml: line 5, column 41: no lane");
+    click(&mut harness, "Open another ...");
+    harness.get_by_label("Open a scenario, a map or a log");
+    assert!(harness.state().state.runs.problem.is_none());
+    harness.state_mut().state.runs.browse(FilePurpose::Compare);
+    harness.run_steps(2);
+    harness.get_by_label("Compare with a recorded run");
+}
+
+#[test]
+fn names_times_and_work_do_not_move_the_bar() {
+    let mut harness = with(6);
+    let mut places = Vec::new();
+    for (hours, loading) in
+        [(12.0, None), (16.5, Some("Preparing low, low sun ...")), (8.0, None), (17.25, None)]
+    {
+        let desk = harness.state_mut();
+        desk.state.look.hours = hours;
+        desk.loading = loading.map(str::to_owned);
+        harness.run_steps(3);
+        let left = |label: &str| harness.get_by_label(label).rect().left();
+        places.push((left("Orbit"), left("Layers"), left("Help")));
+        // In the bar and over the city, which stays as it is until then.
+        let signs = harness.query_all_by_role(Role::ProgressIndicator).count();
+        assert_eq!(signs, if loading.is_some() { 2 } else { 0 });
+    }
+    assert!(places.iter().all(|place| *place == places[0]), "{places:?}");
+}
+
+#[test]
+fn groups_of_the_bar_go_to_the_next_row_together() {
+    let mut harness = with(6);
+    for width in [1280.0, 1000.0, 900.0, 800.0] {
+        harness.set_size(egui::vec2(width, 700.0));
+        harness.run_steps(4);
+        let top = |label: &str| harness.get_by_label(label).rect().top();
+        assert_eq!(top("Orbit"), top("Free"), "{width}");
+        assert_eq!(top("Layers"), top("Help"), "{width}");
+        assert!(harness.get_by_label("Free").rect().right() < width, "{width}");
+    }
+}

@@ -1,0 +1,133 @@
+//! Cameras and rulers: bookmarks, kinds of pictures, scale and place under the mouse, the way back to the city.
+
+use super::city::{picture, place, spread, texts};
+use super::desk::{Desk, fleet, harness, with};
+use city3d_protocol::snapshot::VehicleId;
+use city3d_sensors::PictureKind;
+use city3d_viewer::ui::{CameraMode, ManualDrive, PictureSlot};
+use egui::{Key, Modifiers};
+use egui_kittest::Harness;
+use egui_kittest::kittest::Queryable;
+use glam::{DVec2, DVec3};
+
+fn eye(harness: &Harness<'static, Desk>) -> DVec3 {
+    picture(harness, PictureSlot::City).view.extrinsics.position
+}
+
+/// A digit with Ctrl, and with Shift as a keyboard sends it: another character on the same key.
+fn bookmark(harness: &mut Harness<'static, Desk>, sets: bool) {
+    let modifiers = Modifiers { ctrl: true, command: true, shift: sets, ..Modifiers::NONE };
+    let key = if sets { Key::Quote } else { Key::Num2 };
+    let physical_key = Some(Key::Num2);
+    for pressed in [true, false] {
+        harness.event(egui::Event::Key { key, physical_key, pressed, repeat: false, modifiers });
+    }
+    harness.run_steps(2);
+}
+
+#[test]
+fn a_camera_is_stored_under_a_digit_and_comes_back() {
+    let mut harness = with(6);
+    bookmark(&mut harness, false);
+    let (said, _) = harness.state().state.notice.clone().expect("it is not set");
+    assert!(said.contains("Ctrl+Shift+2"), "{said}");
+    harness.state_mut().state.viewpoint.look_at(DVec2::new(40.0, 10.0));
+    harness.run_steps(2);
+    let stored = eye(&harness);
+    bookmark(&mut harness, true);
+    harness.state_mut().state.set_mode(CameraMode::Overhead);
+    harness.state_mut().state.viewpoint.look_at(DVec2::new(-90.0, 70.0));
+    harness.run_steps(2);
+    assert!(eye(&harness).distance(stored) > 50.0);
+    bookmark(&mut harness, false);
+    assert_eq!((eye(&harness), harness.state().state.viewpoint.mode), (stored, CameraMode::Orbit));
+    assert!(harness.state().state.bookmarks.get(2).is_some());
+    assert!(harness.state().state.bookmarks.get(3).is_none());
+}
+
+#[test]
+fn a_preview_shows_depth_classes_and_instances() {
+    let mut desk = Desk::with(fleet(2));
+    desk.state.toggle_preview(VehicleId(1));
+    let mut harness = harness(desk);
+    let kind = |harness: &Harness<'static, Desk>| picture(harness, PictureSlot::Preview(VehicleId(1))).kind;
+    assert_eq!(kind(&harness), PictureKind::Rgb);
+    let mut shown = "windscreen".to_owned();
+    for (name, wanted) in [
+        ("depth", PictureKind::Depth),
+        ("semantic classes", PictureKind::Semantic),
+        ("instances", PictureKind::Instance),
+    ] {
+        harness.get_by_value(&shown).click();
+        harness.run_steps(4);
+        harness.get_by_label(name).click();
+        harness.run_steps(4);
+        assert_eq!(kind(&harness), wanted);
+        shown = format!("windscreen, {name}");
+    }
+    assert_eq!(picture(&harness, PictureSlot::City).kind, PictureKind::Rgb);
+}
+
+#[test]
+fn the_place_under_the_mouse_is_told_with_its_lane() {
+    let mut desk = Desk::with(spread(3));
+    let lane = desk.map.lanes.iter().max_by(|a, b| a.curve.length().total_cmp(&b.curve.length())).unwrap();
+    let (name, point) = (lane.name.clone(), lane.curve.at(20.0).pose.position);
+    desk.state.set_mode(CameraMode::Overhead);
+    let mut harness = harness(desk);
+    harness.state_mut().state.viewpoint.look_at(point);
+    harness.event(egui::Event::PointerMoved(place(&harness).center()));
+    harness.run_steps(3);
+    let told = texts(&harness);
+    let near = |text: &String| text.starts_with("x ") && text.contains(&format!("lane {name}, "));
+    assert!(told.iter().any(near), "{name} at {point} in {told:?}");
+    let scale = |text: &String| {
+        let metres = text.strip_suffix(" m").and_then(|number| number.parse::<f64>().ok());
+        metres.is_some_and(|metres| [10.0, 20.0, 50.0, 100.0].contains(&metres))
+    };
+    assert!(told.iter().any(scale) && told.iter().any(|text| text == "N"), "{told:?}");
+    harness.state_mut().state.layers.rulers = false;
+    harness.run_steps(2);
+    assert!(!texts(&harness).iter().any(near));
+}
+
+#[test]
+fn who_drives_out_of_the_city_is_told_the_way_back() {
+    let mut desk = Desk::with(fleet(1));
+    let high = desk.map.lanes.iter().map(|lane| lane.curve.end().position.x).fold(0.0, f64::max);
+    desk.state.driving = Some(ManualDrive::take_over(VehicleId(1), 1, 0.0));
+    desk.run_state.phase = city3d_session::RunPhase::Running;
+    desk.change(|now| now.vehicles[0].position = DVec3::new(0.0, 0.0, 0.0));
+    let mut harness = harness(desk);
+    assert!(harness.query_by_label_contains("You left the city").is_none());
+    harness.state_mut().change(|now| now.vehicles[0].position.x = high + 500.0);
+    harness.run_steps(3);
+    harness.get_by_label_contains("You left the city");
+    harness.get_by_label_contains(" m to the west");
+}
+
+#[test]
+fn only_who_is_outside_of_the_map_has_an_arrow_at_its_edge() {
+    let mut desk = Desk::with(fleet(1));
+    let ends = || desk.map.lanes.iter().flat_map(|lane| [lane.curve.start(), lane.curve.end()]);
+    let low = ends().map(|pose| pose.position).fold(DVec2::INFINITY, DVec2::min);
+    desk.change(|now| now.vehicles[0].status = city3d_protocol::snapshot::Status::Driving);
+    desk.change(|now| now.vehicles[0].position = low.extend(0.0));
+    let mut harness = harness(desk);
+    // On the map a vehicle that drives is a disc, outside of it an arrow head: three corners.
+    let arrows = |harness: &Harness<'static, Desk>| {
+        let map = egui::Rect::from_min_size(
+            place(harness).right_top() + egui::vec2(-158.0, 8.0),
+            egui::Vec2::splat(150.0),
+        );
+        let is_arrow = |shape: &egui::Shape| match shape {
+            egui::Shape::Path(path) => path.closed && path.points.len() == 3 && map.contains(path.points[0]),
+            _ => false,
+        };
+        harness.output().shapes.iter().filter(|clipped| is_arrow(&clipped.shape)).count()
+    };
+    assert_eq!(arrows(&harness), 0, "at the corner of the lanes, and so on the map");
+    harness.state_mut().change(|now| now.vehicles[0].position.x -= 300.0);
+    harness.run_steps(2);
+    assert_eq!(arrows(&harness), 1);
+}
