@@ -11,8 +11,8 @@ use std::io::{BufRead, BufReader};
 use std::path::Path;
 use std::process::Command;
 
-/// The picture of the city in a window of 1280 by 720 pixels, without panels, the map and messages.
-const CITY: [u32; 4] = [460, 200, 990, 600];
+/// A part of the onboard picture in a window of 1280 by 720 pixels, beside panels, the map and messages.
+const CITY: [u32; 4] = [460, 200, 1100, 560];
 
 /// path1_b.
 const DRIVEN: VehicleId = VehicleId(2);
@@ -36,8 +36,9 @@ fn tick(log: &Path) -> u64 {
 fn watch_and_drive(program: &Program<'_>, address: &str, folder: &Path) {
     let mut city = Watcher::new(address);
     city.until("do they drive", |poses| poses.time_s > 2.0);
-    program.key("4");
-    program.key("space");
+    for key in ["Next", "Next", "3", "space"] {
+        program.key(key);
+    }
     city.until("is it paused", |poses| poses.phase == ExperimentPhase::Paused);
     let there = watched(address, folder);
     // The window comes after the city, where others need the processors.
@@ -45,9 +46,7 @@ fn watch_and_drive(program: &Program<'_>, address: &str, folder: &Path) {
     program.key("space");
     let status =
         |poses: &Poses| poses.vehicles.iter().find(|seen| seen.pose.vehicle == DRIVEN).unwrap().status;
-    for key in ["Next", "Next", "Return"] {
-        program.key(key);
-    }
+    program.key("Return");
     city.until("is it driven", |poses| status(poses) == Status::Manual);
     program.hold(&["w"], 800);
     program.key("Return");
@@ -58,7 +57,18 @@ fn watch_and_drive(program: &Program<'_>, address: &str, folder: &Path) {
 fn watched(address: &str, folder: &Path) -> RgbImage {
     let picture = folder.join("watched.png");
     let output = Command::new(CITY3D)
-        .args(["view", "--city", address, "--mode", "overhead", "--size", "1280x720", "--picture"])
+        .args([
+            "view",
+            "--city",
+            address,
+            "--select",
+            "path1_b",
+            "--mode",
+            "onboard",
+            "--size",
+            "1280x720",
+            "--picture",
+        ])
         .arg(&picture)
         .args(["--quality", "low", "--adapter", "software"])
         .output()

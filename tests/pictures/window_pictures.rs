@@ -33,7 +33,7 @@ fn a_preview_of_a_replay_is_the_picture_that_frames_takes_of_the_log() {
     let log = log.to_str().unwrap();
     let taken = |at: &str| {
         let frames = folder.path().join(format!("frames-{at}"));
-        let out = ["frames", log, "--size", "253x190", "--out", frames.to_str().unwrap()];
+        let out = ["frames", log, "--size", "268x201", "--out", frames.to_str().unwrap()];
         let arguments = ["--vehicle", "path1_b", "--camera", "windscreen", "--from", at, "--duration", at];
         drew(&[&out[..], &arguments[..]].concat()).then(|| only_picture(&frames))
     };
@@ -88,7 +88,7 @@ fn a_preview_is_the_picture_that_frames_takes() {
     }
     let frames = folder.path().join("frames");
     let arguments = ["--vehicle", "path1_b", "--camera", "windscreen", "--from", at, "--duration", at];
-    let out = ["frames", "roundabout", "--size", "253x190", "--out", frames.to_str().unwrap()];
+    let out = ["frames", "roundabout", "--size", "268x201", "--out", frames.to_str().unwrap()];
     drew(&[&out[..], &arguments[..]].concat());
     let taken = only_picture(&frames);
     let window = image::open(&file).unwrap().to_rgb8();

@@ -1,15 +1,14 @@
 //! State of one connected and automated vehicle (CAV) in the control framework.
 
-use super::coordination::filter::FilterParams;
-use super::coordination::{CoordinatedState, MotionPlan};
+mod coordinated;
+
+use super::coordination::CoordinatedState;
 use super::decision::Decision;
 use super::estimate::RouteEstimate;
 use super::limit::Limit;
 use super::off_route;
 use super::right_of_way::RightOfWayState;
-use super::{
-    CRUISE, Controller, DriverParams, Drivers, LeaderState, OwnMotion, PlatoonBroadcast, Route, SetupError,
-};
+use super::{CRUISE, Controller, DriverParams, Drivers, LeaderState, OwnMotion, Route, SetupError};
 use city3d_geometry::lab::Pose2;
 use city3d_protocol::snapshot::{Indicator, VehicleId};
 use city3d_protocol::wire::Measurement;
@@ -389,17 +388,6 @@ impl Cav {
         self.controller.acceleration(self.own_motion(), self.route.speed_at(self.axle_s), ahead)
     }
 
-    /// Acceleration behind the predecessor in a platoon.
-    pub(super) fn platoon_acceleration(&self, platoon: &PlatoonBroadcast) -> f64 {
-        let desired_mps = self.route.speed_at(self.axle_s);
-        self.controller.platoon_acceleration(self.own_motion(), desired_mps, platoon)
-    }
-
-    /// Whether its driver can be in a platoon.
-    pub(super) fn can_platoon(&self) -> bool {
-        self.controller.can_platoon()
-    }
-
     /// Drives at this share of its desired speed from now on.
     pub(super) fn set_speed_factor(&mut self, map: &LabMap, factor: f64) {
         let desired_mps = self.own_desired_mps * factor;
@@ -424,49 +412,6 @@ impl Cav {
     /// (Gipps), with `standstill_m` left.
     pub(super) fn safe_acceleration_for(&self, leader: LeaderState, standstill_m: f64) -> f64 {
         self.driver.safe_acceleration(self.speed_mps, leader, self.margin_m() + standstill_m)
-    }
-
-    /// Parameters of the safety filter for this vehicle: the response time as headway, the margin on measured distances as gap.
-    pub(super) fn filter_params(&self) -> FilterParams {
-        let DriverParams { response_time_s, min_acceleration_mps2, max_acceleration_mps2, .. } = self.driver;
-        FilterParams {
-            headway_s: response_time_s,
-            standstill_gap_m: self.margin_m(),
-            gain_per_s: 1.0 / response_time_s.max(LEAST_STEP_S),
-            step_s: self.step_s.max(LEAST_STEP_S),
-            min_acceleration_mps2,
-            max_acceleration_mps2,
-            min_mps: 0.0,
-            max_mps: f64::INFINITY,
-        }
-    }
-
-    /// Whether it takes part in coordination where it is: persons do not, nor a driver that heeds nobody, nor a vehicle
-    /// that does not follow its plans.
-    pub(super) fn is_coordinated(&self) -> bool {
-        let state = &self.coordination;
-        let is_cav = self.role == Role::Cav && self.heeds_others;
-        self.is_on_route() && is_cav && state.inside.is_some() && !state.is_distrusted
-    }
-
-    /// Whether it gives way to all plans while it has none itself: it could have one, and asks for it.
-    pub(super) fn defers_to_plans(&self) -> bool {
-        self.is_coordinated() && !self.coordination.is_among_uncoordinated
-    }
-
-    /// Its coordinated plan, while it is on it.
-    pub(super) fn coordinated_plan(&self) -> Option<&MotionPlan> {
-        self.coordination.plan.as_ref().filter(|_| !self.is_lost)
-    }
-
-    /// Acceleration of its coordinated plan.
-    pub(super) fn planned_acceleration(&self, now_s: f64) -> Option<f64> {
-        self.coordinated_plan().map(|plan| plan.at(now_s).acceleration_mps2)
-    }
-
-    /// Forgets plans and zones.
-    pub(super) fn forget_coordination(&mut self) {
-        self.coordination = CoordinatedState::default();
     }
 
     /// Safety margin on measured distances.

@@ -1,6 +1,7 @@
 //! A session: one source, one clock, and the ends that are told what happens.
 
 mod handle;
+mod publish;
 
 pub use handle::{OnUpdate, SessionHandle, SessionStopper};
 
@@ -12,15 +13,15 @@ use super::playback::TimelineMark;
 use super::source::{Now, Pace, Source, Step};
 use super::state::{EndStatus, LatestState};
 use super::{
-    CoordinationState, FilesWritten, Inputs, LinkStatus, Moment, MomentKind, Order, OrderSender, Orders,
-    PacingClock, RunGoal, RunPhase, RunState, SessionError, Speed, StepTiming, orders,
+    FilesWritten, Inputs, LinkStatus, Moment, MomentKind, Order, OrderSender, Orders, PacingClock, RunGoal,
+    RunPhase, SessionError, Speed, StepTiming, orders,
 };
 use city3d_network::host::Host;
 use city3d_protocol::snapshot::FrameSnapshot;
 use city3d_simulation::runner::{LinkSummary, PicturesSummary, RosSummary};
 use handle::UpdateSignal;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
 /// Interval at which a moment is told again while the clock stands, for those who have missed it.
@@ -515,68 +516,6 @@ impl<S: Source> Session<S> {
             return Ok(());
         }
         self.ends.failure().map_or(Ok(()), |failure| Err(SessionError::End(failure)))
-    }
-
-    /// Publishes the present state to the window; while the speed is unlimited not each tick, unless it has to be.
-    fn publish(&mut self, must: bool) {
-        let Some(view) = &mut self.view else { return };
-        let now = self.host.clock.now();
-        let (snapshot, phase) = (self.source.snapshot(), self.source.phase());
-        self.rate.record(now, snapshot.time_s);
-        let is_running = phase == RunPhase::Running;
-        let is_paced = self.clock.is_some() || !is_running || self.source.pace() == Pace::Arrivals;
-        if !must && !is_paced && now.saturating_duration_since(view.published_at) < PUBLISH_INTERVAL {
-            return;
-        }
-        let is_new = std::mem::take(&mut view.is_stale);
-        let before = if is_new {
-            std::mem::replace(&mut view.latest, Arc::new(snapshot.clone()))
-        } else {
-            Arc::clone(&view.latest_state.get().before)
-        };
-        // After a reset there is nothing to interpolate between.
-        let before = if before.tick < view.latest.tick { before } else { Arc::clone(&view.latest) };
-        let is_running = phase == RunPhase::Running;
-        if is_running && self.source.pace() == Pace::Arrivals && is_new {
-            // What arrives is shown as it was paced where it comes from.
-            let factor = if self.rate.factor() > 0.0 { self.rate.factor() } else { 1.0 };
-            view.arrival_clock = Some(PacingClock::new(now, before.time_s, factor));
-        }
-        let clock = self.clock.or(view.arrival_clock.filter(|_| is_running));
-        let mainframe = self.source.mainframe().filter(|_| self.tells_plans);
-        let coordination = mainframe.and_then(|mainframe| {
-            CoordinationState::of(mainframe, self.source.experiment(), snapshot.time_s).map(Arc::new)
-        });
-        let (folder, outcome) = match &view.files {
-            Some(files) => {
-                let files = files.lock().unwrap_or_else(PoisonError::into_inner);
-                (files.folder.clone(), files.outcome.clone())
-            }
-            None => (None, None),
-        };
-        let insight = self.decisions.insight(self.source.mainframe(), self.source.experiment()).map(Arc::new);
-        view.latest_state.put(RunState {
-            before,
-            now: Arc::clone(&view.latest),
-            phase,
-            speed: self.speed,
-            clock,
-            real_time_factor: if is_running { self.rate.factor() } else { 0.0 },
-            run: self.run,
-            folder,
-            outcome,
-            link: view.link.clone(),
-            ends: Arc::clone(&view.ends),
-            coordination,
-            insight,
-            events: view.events.feed(),
-            history: view.events.history(),
-            goal: self.goal,
-            refusal: self.refusal.clone(),
-            has_ended: false,
-        });
-        view.published_at = now;
-        view.updates.give();
     }
 }
 

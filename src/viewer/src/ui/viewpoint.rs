@@ -14,6 +14,7 @@ use super::occlusion;
 use city3d_protocol::snapshot::{FrameSnapshot, VehicleId, VehicleState};
 use city3d_scene::Wall;
 use city3d_sensors::{Camera, Extrinsics, Lens, Mount, View};
+use first_view::FirstView;
 use glam::{DMat3, DQuat, DVec2, DVec3};
 use serde::{Deserialize, Serialize};
 use std::f64::consts::{FRAC_PI_2, TAU};
@@ -62,8 +63,7 @@ pub struct Viewpoint {
     pub rear: bool,
     /// Ground rectangle that the view fits, until the user moves the camera.
     whole: Option<[DVec2; 2]>,
-    /// What the first picture shows has not been chosen.
-    is_new: bool,
+    first: FirstView,
     /// Whether the best direction has been chosen.
     is_turned: bool,
     target: DVec3,
@@ -129,7 +129,7 @@ impl Viewpoint {
             follow: None,
             rear: false,
             whole: low.is_finite().then(|| [low.truncate() - AROUND_M, high.truncate() + AROUND_M]),
-            is_new: true,
+            first: FirstView::Unchosen,
             is_turned: false,
             target,
             distance_m,
@@ -151,6 +151,7 @@ impl Viewpoint {
             self.mode = CameraMode::Orbit;
         }
         (self.whole, self.target, self.is_turned) = (whole, target, true);
+        self.first = FirstView::Chosen;
     }
 
     /// Eases to a place near a vehicle without following it.

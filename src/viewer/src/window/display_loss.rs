@@ -32,6 +32,8 @@ impl Drop for ExitGuard {
             std::io::stderr(),
             "the display is gone, and the window with it; what ran in it was stopped, and {files}"
         );
+        // Not to the end of `exit`: it takes the software driver's compiler apart while threads still compile shaders.
+        signal_hook::low_level::exit(1);
     }
 }
 

@@ -111,7 +111,7 @@ fn wait_for_city(viewer: &ViewerState, time_s: f64, name: &str) -> Result<(), Wi
         if is_there {
             return Ok(());
         }
-        if state.now.tick != last.now.tick {
+        if state.now.tick != last.now.tick && state.now.time_s < time_s {
             since = Instant::now();
         }
         let is_denied = trouble.as_ref().is_some_and(|why| !why.starts_with("waiting"));

@@ -1,6 +1,7 @@
 //! The viewer without its window: a live run or a player, the state of the panels, and the actions between them.
 
 mod entering;
+mod kept;
 mod seat;
 #[cfg(test)]
 mod tests;
@@ -9,16 +10,15 @@ use super::figures::LiveFigures;
 use super::opening::Opening;
 use super::recording::{RecordedRun, RecordingOptions, recorded, start};
 use super::scenario_info::ScenarioInfo;
-use super::settings::{ViewSettings, WatchedVehicles};
 use super::{CitySubject, WindowError};
 use crate::cockpit::SteeringGeometry;
 use crate::ui::runs::{RunsView, StartLists};
 use crate::ui::{
-    self, CityKind, KEPT_S, LiveTraffic, Look, PastView, PictureRequest, PictureSlot, Preview, ReplayView,
+    self, CityKind, KEPT_S, LiveTraffic, Look, PastView, PictureRequest, PictureSlot, ReplayView,
     ScenarioChoice, UiAction, UiState, VideoKind, VideoStatus, ViewModel,
 };
 use city3d_logbook::record::LogOrigin;
-use city3d_protocol::snapshot::{FrameSnapshot, Status, VehicleId, VehicleSpec};
+use city3d_protocol::snapshot::{FrameSnapshot, Status, VehicleSpec};
 use city3d_render::{Context, Overlay};
 use city3d_session::playback::{LogInfo, PastPlayer, PlaybackCommand, Player};
 use city3d_session::{
@@ -488,51 +488,6 @@ impl ViewerState {
             self.refused = *count;
             self.state.say(sentence(why), now_s);
         }
-    }
-
-    /// Restores the stored settings.
-    pub fn restore(&mut self, settings: &ViewSettings) {
-        self.lists.recent.clone_from(&settings.recent);
-        let state = &mut self.state;
-        (state.table, state.layers) = (settings.table.clone(), settings.layers);
-        state.preferences = settings.preferences.sane();
-        if let Some(stored) = &settings.layout {
-            (state.layout, state.open) = (ui::Layout::from(stored), stored.open);
-        }
-        let views = Some(&settings.views).filter(|views| views.scenario == self.request.scenario);
-        let find = |name: &String| self.experiment.vehicles.iter().find(|v| v.name == *name).map(|v| v.id);
-        let previews = views.into_iter().flat_map(|views| &views.previews);
-        state.previews = previews
-            .filter_map(|(name, eye)| Some(Preview { eye: *eye, ..Preview::new(find(name)?) }))
-            .collect();
-        state.bookmarks = settings.bookmarks.clone();
-        // A driver keeps the chase view.
-        if state.driving.is_none() {
-            let followed = views.and_then(|views| views.followed.as_ref()).and_then(find);
-            state.selection.vehicle = followed;
-            state.set_mode(settings.mode);
-            state.viewpoint.follow = followed;
-        }
-    }
-
-    /// Stores the settings.
-    pub fn remember(&self, settings: &mut ViewSettings) {
-        let state = &self.state;
-        (settings.table, settings.layers) = (state.table.clone(), state.layers);
-        settings.preferences = state.preferences;
-        settings.layout = state.layout.stored(state.open);
-        (settings.mode, settings.bookmarks) = (state.viewpoint.mode, state.bookmarks.clone());
-        settings.recent.clone_from(&self.lists.recent);
-        // Settings of a replay, or of a city that keeps its own time, are not stored for the next run.
-        let (ViewedRun::Run(live), CityKind::Local) = (&self.source, self.city) else { return };
-        settings.speed = Some(live.run_state().speed);
-        let name = |id: VehicleId| self.experiment.planned(id).map(|v| v.name.clone());
-        let previews = state.previews.iter().filter_map(|p| Some((name(p.vehicle)?, p.eye)));
-        settings.views = WatchedVehicles {
-            scenario: self.request.scenario.clone(),
-            followed: state.viewpoint.follow.and_then(name),
-            previews: previews.collect(),
-        };
     }
 
     /// Ends the run and finishes its log.

@@ -1,6 +1,6 @@
 //! Bookmarks of the large view's camera: nine places to come back to.
 
-use super::{CameraMode, Viewpoint};
+use super::{CameraMode, FirstView, Viewpoint};
 use crate::ui::gaze::Gaze;
 use city3d_protocol::snapshot::VehicleId;
 use glam::DVec3;
@@ -65,7 +65,7 @@ impl Viewpoint {
             follow: bookmark.follow,
             rear: false,
             whole: None,
-            is_new: false,
+            first: FirstView::Chosen,
             is_turned: true,
             target: bookmark.target,
             distance_m: bookmark.distance_m,

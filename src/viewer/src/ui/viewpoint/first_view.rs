@@ -14,12 +14,30 @@ const ALL_M: f64 = 120.0;
 /// at its edges half of the picture is the land around.
 const AS_GOOD: f64 = 0.75;
 
+/// Whether the first picture has been chosen.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) enum FirstView {
+    #[default]
+    Unchosen,
+    /// The map, as long as there are no vehicles.
+    WithoutVehicles,
+    Chosen,
+}
+
 impl Viewpoint {
-    /// Chooses once what the first picture shows.
+    /// Chooses what the first picture shows, and once again when the first vehicles appear, unless the user has moved
+    /// the camera meanwhile.
     pub fn begin(&mut self, seen: &FrameSnapshot, map: &CityMap, zones: &[ControlZoneArea]) {
-        if std::mem::take(&mut self.is_new) {
-            self.whole = first_view(seen, map, zones).or(self.whole);
+        let is_empty = seen.vehicles.is_empty() && zones.is_empty();
+        let is_chosen =
+            self.first == FirstView::Chosen || (is_empty && self.first == FirstView::WithoutVehicles);
+        let is_moved = self.first == FirstView::WithoutVehicles && self.whole.is_none();
+        if is_chosen || is_moved {
+            return;
         }
+        self.whole = first_view(seen, map, zones).or(self.whole);
+        self.is_turned = false;
+        self.first = if is_empty { FirstView::WithoutVehicles } else { FirstView::Chosen };
     }
 }
 

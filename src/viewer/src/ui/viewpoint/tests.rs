@@ -313,3 +313,29 @@ fn without_vehicles_the_first_picture_shows_where_they_will_come() {
     viewpoint.show_whole(&seen, [850, 620], &[]);
     assert!(viewpoint.target.truncate().distance(zones[0].middle) < 30.0, "{:?}", viewpoint.target);
 }
+
+#[test]
+fn the_view_is_chosen_again_when_the_first_vehicles_come_unless_it_was_moved() {
+    let (text, library) = city3d_simulation::scenario::Library::scenario("roundabout").unwrap();
+    let read =
+        city3d_simulation::scenario::read_experiment("roundabout", &text, &library, Default::default());
+    let map = read.unwrap().city_map;
+    let (empty, seen) = (FrameSnapshot::default(), snapshot(-50.0));
+    let begun = |is_moved: bool| {
+        let mut viewpoint = Viewpoint::around(&empty);
+        let show = |viewpoint: &mut Viewpoint, seen: &FrameSnapshot| {
+            viewpoint.begin(seen, &map, &[]);
+            viewpoint.show_whole(seen, [850, 620], &[]);
+            viewpoint.distance_m
+        };
+        let of_the_map_m = show(&mut viewpoint, &empty);
+        if is_moved {
+            viewpoint.zoom(1.1);
+        }
+        (of_the_map_m, show(&mut viewpoint, &seen), show(&mut viewpoint, &empty))
+    };
+    let (of_the_map_m, near_m, later_m) = begun(false);
+    assert!(near_m < 0.7 * of_the_map_m && later_m == near_m, "{of_the_map_m} {near_m} {later_m}");
+    let (of_the_map_m, moved_m, _) = begun(true);
+    assert!((0.8..1.25).contains(&(moved_m / of_the_map_m)), "{of_the_map_m} {moved_m}");
+}

@@ -6,6 +6,8 @@ use super::super::recording::LogLocation;
 use super::*;
 use crate::ui::QualityPreset;
 use crate::ui::runs::OpenRequest;
+use crate::window::settings::ViewSettings;
+use city3d_protocol::snapshot::VehicleId;
 use city3d_session::Order;
 use city3d_simulation::scenario::Overrides;
 use std::path::{Path, PathBuf};

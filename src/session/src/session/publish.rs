@@ -1,0 +1,70 @@
+//! The state that a session publishes to its window.
+
+use super::{PUBLISH_INTERVAL, Session};
+use crate::source::{Pace, Source};
+use crate::{CoordinationState, PacingClock, RunPhase, RunState};
+use std::sync::{Arc, PoisonError};
+
+impl<S: Source> Session<S> {
+    /// Publishes the present state to the window; while the speed is unlimited not each tick, unless it has to be.
+    pub(super) fn publish(&mut self, must: bool) {
+        let Some(view) = &mut self.view else { return };
+        let now = self.host.clock.now();
+        let (snapshot, phase) = (self.source.snapshot(), self.source.phase());
+        self.rate.record(now, snapshot.time_s);
+        let is_running = phase == RunPhase::Running;
+        let is_paced = self.clock.is_some() || !is_running || self.source.pace() == Pace::Arrivals;
+        if !must && !is_paced && now.saturating_duration_since(view.published_at) < PUBLISH_INTERVAL {
+            return;
+        }
+        let is_new = std::mem::take(&mut view.is_stale);
+        let before = if is_new {
+            std::mem::replace(&mut view.latest, Arc::new(snapshot.clone()))
+        } else {
+            Arc::clone(&view.latest_state.get().before)
+        };
+        // After a reset there is nothing to interpolate between.
+        let before = if before.tick < view.latest.tick { before } else { Arc::clone(&view.latest) };
+        let is_running = phase == RunPhase::Running;
+        if is_running && self.source.pace() == Pace::Arrivals && is_new {
+            // What arrives is shown as it was paced where it comes from.
+            let factor = if self.rate.factor() > 0.0 { self.rate.factor() } else { 1.0 };
+            view.arrival_clock = Some(PacingClock::new(now, before.time_s, factor));
+        }
+        let clock = self.clock.or(view.arrival_clock.filter(|_| is_running));
+        let mainframe = self.source.mainframe().filter(|_| self.tells_plans);
+        let coordination = mainframe.and_then(|mainframe| {
+            CoordinationState::of(mainframe, self.source.experiment(), snapshot.time_s).map(Arc::new)
+        });
+        let (folder, outcome) = match &view.files {
+            Some(files) => {
+                let files = files.lock().unwrap_or_else(PoisonError::into_inner);
+                (files.folder.clone(), files.outcome.clone())
+            }
+            None => (None, None),
+        };
+        let insight = self.decisions.insight(self.source.mainframe(), self.source.experiment()).map(Arc::new);
+        view.latest_state.put(RunState {
+            before,
+            now: Arc::clone(&view.latest),
+            phase,
+            speed: self.speed,
+            clock,
+            real_time_factor: if is_running { self.rate.factor() } else { 0.0 },
+            run: self.run,
+            folder,
+            outcome,
+            link: view.link.clone(),
+            ends: Arc::clone(&view.ends),
+            coordination,
+            insight,
+            events: view.events.feed(),
+            history: view.events.history(),
+            goal: self.goal,
+            refusal: self.refusal.clone(),
+            has_ended: false,
+        });
+        view.published_at = now;
+        view.updates.give();
+    }
+}
