@@ -14,3 +14,4 @@ mod video;
 mod visual;
 mod window;
 mod window_pictures;
+mod workbench;

@@ -38,7 +38,7 @@ impl Display {
             return None;
         }
         let mut server = Command::new("Xvfb")
-            .args(["-displayfd", "1", "-screen", "0", "1400x900x24", "-nolisten", "tcp"])
+            .args(["-displayfd", "1", "-screen", "0", "2600x1500x24", "-nolisten", "tcp"])
             .stdout(Stdio::piped())
             .stderr(Stdio::null())
             .spawn()
@@ -77,12 +77,12 @@ pub struct Program<'a> {
 }
 
 impl<'a> Program<'a> {
-    fn open(display: &'a Display, folder: &Path, args: &[&str]) -> Self {
+    pub fn open(display: &'a Display, folder: &Path, args: &[&str]) -> Self {
         Self::open_with(display, folder, &[&["--fresh", "--size", "1280x720"], args].concat(), &[])
     }
 
     /// Opens it with variables of the environment; what it remembers lies in the folder.
-    fn open_with(display: &'a Display, folder: &Path, args: &[&str], variables: &[(&str, &str)]) -> Self {
+    pub fn open_with(display: &'a Display, folder: &Path, args: &[&str], variables: &[(&str, &str)]) -> Self {
         let log = folder.join("log");
         // Some tests open it again.
         let logged = ["--out", log.to_str().unwrap(), "--force"];
@@ -124,13 +124,18 @@ impl<'a> Program<'a> {
         pause_ms(250);
     }
 
+    pub fn type_text(&self, text: &str) {
+        self.display.xdotool(&["type", "--delay", "30", text]);
+        pause_ms(250);
+    }
+
     pub fn hold(&self, keys: &[&str], ms: u64) {
         keys.iter().for_each(|key| _ = self.display.xdotool(&["keydown", key]));
         pause_ms(ms);
         keys.iter().for_each(|key| _ = self.display.xdotool(&["keyup", key]));
     }
 
-    fn click(&self, x: u32, y: u32) {
+    pub fn click(&self, x: u32, y: u32) {
         let place = [x.to_string(), y.to_string()];
         self.display.xdotool(&["mousemove", "--window", &self.window, &place[0], &place[1]]);
         pause_ms(200);
@@ -139,7 +144,7 @@ impl<'a> Program<'a> {
     }
 
     /// The tick that is shown: a screenshot is named after it.
-    fn tick(&self) -> u64 {
+    pub fn tick(&self) -> u64 {
         let (name, _) = self.render_offscreen();
         let number = |text: &str| text.strip_prefix("city3d-")?.parse().ok();
         number(&name).unwrap_or_else(|| panic!("a screenshot is called {name}"))

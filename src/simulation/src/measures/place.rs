@@ -35,6 +35,8 @@ impl Station {
 const ON_ROUTE_M: f64 = 0.11;
 /// Longest way between two samples that is searched, laboratory metres.
 const REACH_M: f64 = 0.5;
+/// A later place of the route is taken where it is nearer by this much.
+const CLEARLY_M: f64 = 0.02;
 /// How far back a vehicle may be since the last sample.
 const BACK_M: f64 = 0.1;
 
@@ -55,6 +57,17 @@ impl RoutePlace {
     /// A vehicle that is somewhere on this route.
     pub fn new(route: Arc<Route>, body: CavGeometry, reroutes: u32) -> Self {
         Self { route, reroutes, body, axle_s: None, is_compared: false }
+    }
+
+    /// Another route that begins with the lanes of this one up to where the vehicle is: there it stays. On any other route
+    /// it is looked for.
+    pub fn rerouted(&self, route: Arc<Route>, reroutes: u32) -> Self {
+        let is_kept = |axle_s: &f64| {
+            let count = self.route.index_at(*axle_s) + 1;
+            route.lanes().get(..count) == self.route.lanes().get(..count)
+        };
+        let axle_s = self.axle_s.filter(is_kept);
+        Self { axle_s, ..Self::new(route, self.body, reroutes) }
     }
 
     /// Shares the control framework's copy of the route where it is the same: that of a day is large.
@@ -82,19 +95,25 @@ impl RoutePlace {
         self.axle_s.map(|axle_s| axle_s + self.body.overhang_m())
     }
 
+    /// Whether a vehicle can have come from one position to another between two samples.
+    pub fn is_within_reach(&self, from_s: f64, to_s: f64) -> bool {
+        (-BACK_M..=REACH_M).contains(&(to_s - from_s))
+    }
+
     fn near(&self, map: &LabMap, axle: DVec2, last_s: f64) -> Option<f64> {
         let foot = self.route.project(map, axle, last_s - BACK_M, last_s + REACH_M);
         (foot.distance < ON_ROUTE_M).then_some(foot.s)
     }
 
-    /// The first place of the route under the axle where it leads in the direction of travel.
+    /// The place of the route under the axle where it leads in the direction of travel. A later one has to be clearly nearer:
+    /// lanes of later passages lie over one another.
     fn anywhere(&self, map: &LabMap, axle: DVec2, forward: DVec2) -> Option<f64> {
         let mut best: Option<(f64, f64)> = None;
         for (index, &lane) in self.route.lanes().iter().enumerate() {
             let curve = &map.lane(lane).curve;
             let foot = curve.project(axle);
             let leads_on = curve.at(foot.s).pose.forward().dot(forward) > 0.5;
-            let is_nearer = best.is_none_or(|(distance, _)| foot.distance < distance - 1e-6);
+            let is_nearer = best.is_none_or(|(distance, _)| foot.distance < distance - CLEARLY_M);
             if foot.distance < ON_ROUTE_M && leads_on && is_nearer {
                 best = Some((foot.distance, self.route.lane_start(index) + foot.s));
             }
@@ -141,6 +160,25 @@ impl FreeRun {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::scenario::{Library, Overrides, read_experiment};
+
+    #[test]
+    fn a_vehicle_keeps_its_place_on_a_route_with_the_same_beginning() {
+        let (text, library) = Library::scenario("roundabout").unwrap();
+        let experiment = read_experiment("roundabout", &text, &library, Overrides::default()).unwrap();
+        let (map, setup) = (&experiment.lab_map, &experiment.cav_setups()[0]);
+        // Two laps: each place of the second one is a place of the first, too.
+        let lap = map.shortest_loop(setup.route[0]).unwrap();
+        let lanes: Vec<_> = [&setup.route[..1], &lap, &lap].concat();
+        let driver = setup.driver;
+        let route = |lanes: &[_]| Arc::new(Route::new(map, lanes, setup.body, &driver));
+        let (longer, shorter) = (route(&lanes), route(&lanes[..lanes.len() - 1]));
+        let mut place = RoutePlace::new(Arc::clone(&longer), setup.body, 0);
+        let second_s = longer.lane_start(lap.len()) + 0.2;
+        place.axle_s = Some(second_s);
+        assert_eq!(place.rerouted(shorter, 1).axle_s, Some(second_s));
+        assert_eq!(place.rerouted(route(&lanes[1..]), 1).axle_s, None);
+    }
 
     #[test]
     fn the_time_of_passing_is_interpolated() {

@@ -169,12 +169,12 @@ impl Tracked {
     pub fn set_up(&mut self, map: &LabMap, zones: &[ControlZone], setup: &CavSetup) {
         self.u_max_mps2 = setup.driver.max_acceleration_mps2;
         let route = Route::new(map, &setup.route, setup.body, &setup.driver);
-        self.take_route(zones, Arc::new(route), setup.body, 0);
+        self.take_place(zones, RoutePlace::new(Arc::new(route), setup.body, 0));
     }
 
-    fn take_route(&mut self, zones: &[ControlZone], route: Arc<Route>, body: CavGeometry, reroutes: u32) {
-        self.stretches = stretches(zones, &route);
-        self.place = Some(RoutePlace::new(route, body, reroutes));
+    fn take_place(&mut self, zones: &[ControlZone], place: RoutePlace) {
+        self.stretches = stretches(zones, &place.route);
+        self.place = Some(place);
         (self.next_crossing, self.next_stretch, self.station) = (0, 0, None);
     }
 
@@ -193,7 +193,12 @@ impl Tracked {
         let time_s = self.trip.seen_s;
         self.drop_out(time_s, moves);
         self.trip.free_before_s += self.trip.free.take().map_or(0.0, |free| free.time_s);
-        self.take_route(zones, Arc::clone(route), body, reroutes);
+        let route = Arc::clone(route);
+        let place = match &self.place {
+            Some(place) => place.rerouted(route, reroutes),
+            None => RoutePlace::new(route, body, reroutes),
+        };
+        self.take_place(zones, place);
     }
 
     /// Where its route passes control zones.
@@ -229,7 +234,15 @@ impl Tracked {
             return;
         };
         let now = Station { time_s, front_s, speed_mps };
-        match self.station.replace(now) {
+        let last = self.station.replace(now);
+        if last.is_some_and(|last| !place.is_within_reach(last.front_s, front_s)) {
+            // Not by driving: what lies between was not driven.
+            self.trip.has_strayed = true;
+            self.drop_out(time_s, moves);
+            self.begin(now, moves);
+            return;
+        }
+        match last {
             None => self.begin(now, moves),
             Some(last) => self.advance(last, now, moves),
         }

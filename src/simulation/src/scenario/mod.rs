@@ -1,5 +1,6 @@
 //! Scenario files, validated into an [`Experiment`].
 
+mod document;
 mod experiment;
 mod feasibility;
 mod fields;
@@ -23,6 +24,7 @@ mod time_of_day;
 mod traffic;
 mod vehicle_type;
 
+pub use document::{EditError, ScenarioDocument, StatedVehicle, VehicleEdit};
 pub use experiment::{Expectations, Experiment, Physical, PlannedVehicle, Rates, Start, pose_on};
 pub use fields::Problem;
 pub use grid_scenario::grid_scenario;

@@ -16,7 +16,8 @@ const USUAL_RATE_HZ: f64 = 10.0;
 /// Range of the field of view in degrees.
 const VIEW_DEG: std::ops::RangeInclusive<f64> = 1.0..=150.0;
 
-const MOUNTS: [(&str, MountPoint); 2] =
+/// Mounts by name; the first is the usual one.
+pub(super) const MOUNTS: [(&str, MountPoint); 2] =
     [("windscreen", MountPoint::Windscreen), ("bumper", MountPoint::Bumper)];
 
 /// Reads the sensors of a table; `None` if it has none.

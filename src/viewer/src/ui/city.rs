@@ -2,7 +2,9 @@
 
 use super::layers::{self, Canvas};
 use super::vehicle_menu::{MenuSubject, VehicleMenu};
-use super::{PictureRequest, PictureSlot, UiState, ViewModel, legend, map, overlay, rulers, theme};
+use super::{
+    PictureRequest, PictureSlot, UiAction, UiState, ViewModel, editing, legend, map, overlay, rulers, theme,
+};
 use city3d_protocol::snapshot::{Status, VehicleId};
 use city3d_sensors::PictureKind;
 use city3d_session::RunPhase;
@@ -16,10 +18,15 @@ const NEAR_POINTS: f32 = 16.0;
 const SCROLL_STEP: f64 = 40.0;
 
 /// Shows the large view of the city with its overlays, and handles the mouse in it.
-pub fn show(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>) {
+pub fn show(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>, actions: &mut Vec<UiAction>) {
     let rect = ui.available_rect_before_wrap().round_to_pixels(ui.ctx().pixels_per_point());
     let response = ui.allocate_rect(rect, Sense::click_and_drag());
-    move_camera(ui, &response, state);
+    let before =
+        Canvas::new(ui, &state.viewpoint.view(shown.interpolated, super::pixels(rect.size(), 1.0)), rect);
+    let picked = |at| pick(&before, shown, at);
+    if !editing::drag(&response, &before, picked, state, (shown, &mut *actions)) {
+        move_camera(ui, &response, state);
+    }
     state.viewpoint.update(shown.interpolated);
     let moves = shown.run_state.phase == RunPhase::Running || response.dragged() || state.is_scrubbing;
     let extent = extent(rect, ui.ctx().pixels_per_point(), shown.most_moving_pixels.filter(|_| moves));
@@ -31,10 +38,13 @@ pub fn show(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>) {
     let canvas = Canvas::new(ui, &view, rect);
     let pointed = response.hover_pos();
     state.measure.point_at(pointed.and_then(|at| canvas.ground_at(at)));
-    act_on_clicks(&response, &canvas, state, shown);
+    act_on_clicks(&response, &canvas, state, (shown, actions));
     state.overlay = overlay::build(state, shown, &canvas);
+    let ground = pointed.and_then(|at| canvas.ground_at(at));
+    editing::add_overlay(&mut state.overlay, state, shown, ground);
     layers::paint(&canvas, state, shown);
     state.measure.paint(&canvas);
+    editing::paint(&canvas, state, shown);
     rulers::paint(&canvas, state, shown, pointed);
     legend::paint(ui, rect, state, shown);
     if state.layers.map {
@@ -50,7 +60,12 @@ pub fn show(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>) {
 }
 
 /// Selects, follows, measures, and opens the menu.
-fn act_on_clicks(response: &Response, canvas: &Canvas<'_>, state: &mut UiState, shown: &ViewModel<'_>) {
+fn act_on_clicks(
+    response: &Response,
+    canvas: &Canvas<'_>,
+    state: &mut UiState,
+    (shown, actions): (&ViewModel<'_>, &mut Vec<UiAction>),
+) {
     let Some(at) = response.interact_pointer_pos() else { return };
     let ground = canvas.ground_at(at);
     if response.secondary_clicked() {
@@ -58,7 +73,7 @@ fn act_on_clicks(response: &Response, canvas: &Canvas<'_>, state: &mut UiState, 
         state.menu = vehicle.or(ground.map(MenuSubject::Place)).map(VehicleMenu::of);
     }
     let is_clicked = response.clicked() || response.double_clicked();
-    if !is_clicked || state.measure.click(ground) {
+    if !is_clicked || state.measure.click(ground) || editing::click(response, ground, state, shown, actions) {
         return;
     }
     let picked = pick(canvas, shown, at);

@@ -9,6 +9,7 @@ mod commands;
 mod control_zones;
 mod controllers;
 mod drive;
+mod editing;
 mod events;
 mod gaze;
 mod help;
@@ -47,6 +48,7 @@ pub use colouring::ColourBy;
 pub use commands::{Command, SECTIONS, Section, Shortcut};
 pub use control_zones::{ControlZoneArea, ZoneStretch};
 pub use drive::ManualDrive;
+pub use editing::{EditAction, EditState, EditTool, EditView};
 pub use events::{EventFilter, announcement, event_words};
 pub use layers::Layers;
 pub use layout::{Layout, StoredLayout};
@@ -108,6 +110,8 @@ pub enum UiAction {
     SaveChart,
     /// A video of the window begins, or the one that is being recorded ends.
     Video(VideoKind),
+    /// A change of the edited scenario.
+    Edit(EditAction),
     /// The window closes.
     Quit,
 }
@@ -190,6 +194,9 @@ pub struct OpenPanels {
     /// Why the selected vehicle does what it does (I).
     #[serde(skip)]
     pub inspector: bool,
+    /// The editor of the scenario (Ctrl+E).
+    #[serde(skip)]
+    pub editor: bool,
 }
 
 impl Default for OpenPanels {
@@ -205,6 +212,7 @@ impl Default for OpenPanels {
             traffic: false,
             charts: false,
             inspector: false,
+            editor: false,
         }
     }
 }
@@ -266,6 +274,8 @@ pub struct UiState {
     pub measure: Measure,
     /// Stored cameras of the large view.
     pub bookmarks: Bookmarks,
+    /// Tools of the editor.
+    pub editing: EditState,
 }
 
 impl UiState {
@@ -299,6 +309,7 @@ impl UiState {
             menu: None,
             measure: Measure::default(),
             bookmarks: Bookmarks::default(),
+            editing: EditState::default(),
         }
     }
 
@@ -376,7 +387,9 @@ impl UiState {
 
     /// Drops references to vehicles that have left.
     fn update(&mut self, shown: &ViewModel<'_>) {
-        let is_there = |id: VehicleId| shown.run_state.now.vehicle(id).is_some();
+        // A vehicle that was just added to the edited scenario is seen once the scenario is checked.
+        let is_stated = |id| shown.edit.is_some_and(|edit| edit.vehicle(id).is_some());
+        let is_there = |id: VehicleId| shown.run_state.now.vehicle(id).is_some() || is_stated(id);
         let is_late = shown.replay.is_some_and(|replay| replay.is_late);
         // A seek may select a vehicle that exists only at its target.
         if !is_late {

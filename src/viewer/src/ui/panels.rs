@@ -1,8 +1,8 @@
 //! The panels around and over the city. A panel is one entry: its title, where it opens first, and what it shows.
 
 use super::{
-    UiAction, UiState, ViewModel, charts, city, controllers, events, inspector, layers, preview, timeline,
-    traffic, vehicles,
+    UiAction, UiState, ViewModel, charts, city, controllers, editing, events, inspector, layers, preview,
+    timeline, traffic, vehicles,
 };
 use egui::Ui;
 use serde::{Deserialize, Serialize};
@@ -29,6 +29,8 @@ pub enum Panel {
     Controllers,
     /// Why the selected vehicle does what it does.
     Inspector,
+    /// Vehicles of the scenario, while it is edited.
+    Editor,
 }
 
 /// Where a panel opens first.
@@ -56,7 +58,7 @@ pub(super) struct PanelEntry {
     pub show: fn(&mut Ui, &mut UiState, &ViewModel<'_>, &mut Vec<UiAction>),
 }
 
-pub(super) static ALL: [PanelEntry; 9] = [
+pub(super) static ALL: [PanelEntry; 10] = [
     PanelEntry {
         panel: Panel::City,
         title: "City",
@@ -66,7 +68,7 @@ pub(super) static ALL: [PanelEntry; 9] = [
         close: |_| {},
         show: |ui, state, shown, actions| {
             let rect = ui.available_rect_before_wrap();
-            city::show(ui, state, shown);
+            city::show(ui, state, shown, actions);
             timeline::past_sign(ui, rect, shown, actions);
         },
     },
@@ -141,6 +143,15 @@ pub(super) static ALL: [PanelEntry; 9] = [
         is_open: |state| state.open.inspector,
         close: |state| state.open.inspector = false,
         show: inspector::show,
+    },
+    PanelEntry {
+        panel: Panel::Editor,
+        title: "Editor",
+        home: Home::Right,
+        size: [300.0, 520.0],
+        is_open: |state| state.open.editor,
+        close: |state| state.open.editor = false,
+        show: editing::show,
     },
 ];
 

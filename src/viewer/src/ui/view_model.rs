@@ -1,6 +1,6 @@
 //! The view model: what the panels show in one frame, and the pictures that they ask for.
 
-use super::{ChartView, ControlZoneArea, LiveTraffic, ScenarioCamera, VideoStatus, runs};
+use super::{ChartView, ControlZoneArea, EditView, LiveTraffic, ScenarioCamera, VideoStatus, runs};
 use crate::cockpit::SteeringGeometry;
 use city3d_protocol::snapshot::{FrameSnapshot, VehicleId};
 use city3d_roadmap::{CityMap, LaneId};
@@ -72,6 +72,8 @@ pub struct ViewModel<'a> {
     pub chart: ChartView<'a>,
     /// The video that is being recorded.
     pub video: Option<VideoStatus>,
+    /// The scenario that is edited; then the vehicles are shown as it starts them.
+    pub edit: Option<EditView<'a>>,
 }
 
 /// Which time of a run that goes on the window shows.
@@ -100,7 +102,7 @@ impl ViewModel<'_> {
     pub fn may_drive(&self, vehicle: VehicleId) -> bool {
         let own = self.run_state.link.as_ref().and_then(|link| link.own_vehicle);
         let is_physical = self.run_state.now.info(vehicle).is_some_and(|info| info.is_physical());
-        !is_physical && (self.city != CityKind::Elsewhere || own == Some(vehicle))
+        !is_physical && self.edit.is_none() && (self.city != CityKind::Elsewhere || own == Some(vehicle))
     }
 
     /// Scale of the laboratory.

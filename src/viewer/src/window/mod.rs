@@ -1,6 +1,7 @@
 //! The window: a live run or a log, its settings, event loop and painter, and pictures of it without a display.
 
 mod display_loss;
+mod editor;
 mod error;
 mod event_loop;
 mod figures;

@@ -1,11 +1,13 @@
 //! The viewer without its window: a live run or a player, the state of the panels, and the actions between them.
 
+mod editing;
 mod entering;
 mod kept;
 mod seat;
 #[cfg(test)]
 mod tests;
 
+use super::editor::ScenarioEditor;
 use super::figures::LiveFigures;
 use super::opening::Opening;
 use super::recording::{RecordedRun, RecordingOptions, recorded, start};
@@ -122,6 +124,10 @@ pub struct ViewerState {
     lists_are_shown: bool,
     /// The scenario that can be run again: the present one, or that of the log which this window wrote.
     again: Option<ScenarioRequest>,
+    /// The scenario as it is edited; it stays while its run is shown.
+    editor: Option<ScenarioEditor>,
+    /// The edited scenario is shown in place of the run.
+    edits: bool,
 }
 
 /// Pixel budget of a software adapter for a fluent frame rate.
@@ -217,6 +223,8 @@ impl ViewerState {
             lists: StartLists::default(),
             lists_are_shown: false,
             again: None,
+            editor: None,
+            edits: false,
         }
     }
 
@@ -343,6 +351,7 @@ impl ViewerState {
         self.record_samples(&run_state);
         let mut run_state = before_start(run_state);
         self.list_runs();
+        self.follow_editor_panel();
         let now_s = ui.input(|input| input.time);
         self.ask_for_plans(self.state.shows_plans());
         self.ask_for_decisions(self.state.shows_decisions());
@@ -354,7 +363,9 @@ impl ViewerState {
             self.state.say(saved, now_s);
         }
         let live = Arc::clone(&run_state);
-        if let Some(earlier) = self.past.advance(now, &live, &self.history, &self.experiment) {
+        if let Some(edited) = self.edited_state(&live) {
+            (run_state, weight) = (edited, 1.0);
+        } else if let Some(earlier) = self.past.advance(now, &live, &self.history, &self.experiment) {
             (run_state, weight) = earlier;
         }
         let past = PastView { head: self.past.head(&live, &self.history), is_shown: self.past.is_past() };
@@ -374,6 +385,9 @@ impl ViewerState {
         });
         let log = run_state.folder.as_ref().map(|folder| format!("log {}   ", folder.display()));
         self.footer = format!("{}{}", log.unwrap_or_default(), self.adapter);
+        let editor = self.editor.as_ref().filter(|_| self.edits);
+        let scenario_info =
+            editor.and_then(ScenarioEditor::city).map_or(&self.scenario_info, |city| &city.info);
         let shown = ViewModel {
             run_state: &run_state,
             interpolated: &self.interpolated,
@@ -381,12 +395,12 @@ impl ViewerState {
             events: told.as_ref().map_or(self.events.marks(), |(_, _, told)| &told.marks),
             traffic: &self.traffic,
             map: &self.experiment.city_map,
-            control_zones: &self.scenario_info.control_zones,
-            walls: &self.scenario_info.walls,
-            drivers: &self.scenario_info.drivers,
-            routes: &self.scenario_info.routes,
-            cameras: &self.scenario_info.cameras,
-            steering_geometry: &self.scenario_info.steering_geometry,
+            control_zones: &scenario_info.control_zones,
+            walls: &scenario_info.walls,
+            drivers: &scenario_info.drivers,
+            routes: &scenario_info.routes,
+            cameras: &scenario_info.cameras,
+            steering_geometry: &scenario_info.steering_geometry,
             scenario: &self.request.scenario,
             duration_s: self.experiment.duration_s,
             scenarios: &self.scenarios,
@@ -403,6 +417,7 @@ impl ViewerState {
             step_s: self.experiment.rates.dt_s(),
             chart: self.figures.view(),
             video: self.video,
+            edit: editor.map(ScenarioEditor::view),
         };
         ui::show(ui, &mut self.state, &shown)
     }
@@ -433,6 +448,7 @@ impl ViewerState {
                 UiAction::Replay => requests.extend(self.replay(now_s)),
                 UiAction::RunAgain(seed) => requests.extend(self.run_again(seed)),
                 UiAction::CompareWith(other) => self.compare_with(&other),
+                UiAction::Edit(action) => requests.extend(self.edit(action, now_s)),
             }
         }
         requests
@@ -495,6 +511,9 @@ impl ViewerState {
     /// # Errors
     /// When the log could not be written to its end.
     pub fn close(mut self) -> Result<Vec<RecordedRun>, WindowError> {
+        if let Some(kept) = self.leave_editor() {
+            tracing::warn!("{kept}");
+        }
         let ViewedRun::Run(live) = self.source else { return Ok(self.recorded) };
         if self.city == CityKind::Served {
             // Who serves the city tells what was written.

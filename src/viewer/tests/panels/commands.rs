@@ -1,6 +1,6 @@
 //! The registry of actions: palette, keys, help and the manual tell the same.
 
-use super::desk::{Desk, Recording, fleet, harness, press};
+use super::desk::{Desk, EditedFile, Recording, fleet, harness, press};
 use city3d_protocol::snapshot::{EventKind, VehicleId};
 use city3d_session::playback::Playhead;
 use city3d_session::{Order, RunPhase};
@@ -15,7 +15,7 @@ fn commands() -> impl Iterator<Item = &'static Command> {
 }
 
 /// Windows that have all actions between them.
-fn desks() -> [Desk; 4] {
+fn desks() -> [Desk; 5] {
     let selected = || {
         let mut desk = Desk::with(fleet(3));
         desk.state.selection.vehicle = Some(VehicleId(2));
@@ -40,7 +40,9 @@ fn desks() -> [Desk; 4] {
     running.state.open.charts = true;
     replay.state.section = TimelineRange::part(5.0, 15.0);
     replay.recording = Some(Recording { head, marks, searched: 1.0, truncation: None });
-    [selected(), running, driving, replay]
+    let mut editing = selected();
+    editing.edit = Some(EditedFile { has_history: true, ..EditedFile::of_fleet(3) });
+    [selected(), running, driving, replay, editing]
 }
 
 fn open_palette(harness: &mut Harness<'static, Desk>) {
@@ -161,7 +163,7 @@ fn the_manual_and_the_help_have_every_key() {
         let expected = format!("### {}\n\n| key | action |\n|---|---|\n{table}\n", section.title);
         assert!(rows.is_empty() || manual.contains(&expected), "docs/window.md needs:\n{expected}");
         let is_of_replays = section.title == "Time";
-        let [local, _, _, replay] = desks();
+        let [local, _, _, replay, _] = desks();
         let mut harness = harness(if is_of_replays { replay } else { local });
         press(&mut harness, Key::F1);
         harness.run_steps(5);

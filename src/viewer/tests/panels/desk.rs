@@ -8,12 +8,12 @@ use city3d_roadmap::{CityMap, LaneId};
 use city3d_scene::Wall;
 use city3d_session::playback::{Playhead, TimelineMark};
 use city3d_session::{RunHistory, RunPhase, RunState};
-use city3d_simulation::scenario::{Experiment, Library, Overrides, read_experiment};
+use city3d_simulation::scenario::{Experiment, Library, Overrides, StatedVehicle, read_experiment};
 use city3d_viewer::cockpit::SteeringGeometry;
 use city3d_viewer::ui::runs::{RunsView, StartLists};
 use city3d_viewer::ui::{
-    self, ChartView, CityKind, ControlZoneArea, DriverNames, LiveTraffic, Look, PastView, QualityPreset,
-    ReplayView, ScenarioCamera, ScenarioChoice, UiAction, UiState, VideoStatus, ViewModel,
+    self, ChartView, CityKind, ControlZoneArea, DriverNames, EditView, LiveTraffic, Look, PastView,
+    QualityPreset, ReplayView, ScenarioCamera, ScenarioChoice, UiAction, UiState, VideoStatus, ViewModel,
 };
 use egui_kittest::Harness;
 use egui_kittest::kittest::Queryable;
@@ -59,6 +59,36 @@ pub struct Desk {
     pub has_control_data: bool,
     pub city: CityKind,
     pub lists: StartLists,
+    pub edit: Option<EditedFile>,
+}
+
+/// A scenario that is edited.
+#[derive(Default)]
+pub struct EditedFile {
+    pub vehicles: Vec<StatedVehicle>,
+    pub types: Vec<String>,
+    pub drivers: Vec<String>,
+    pub problems: Vec<String>,
+    pub has_history: bool,
+}
+
+impl EditedFile {
+    /// A file that states the vehicles of a fleet.
+    pub fn of_fleet(count: u32) -> Self {
+        let vehicle = |id: u32| StatedVehicle {
+            id: VehicleId(id),
+            name: format!("car{id}"),
+            route: vec!["road/east/1".to_owned()],
+            ..StatedVehicle::default()
+        };
+        let names = |names: &[&str]| names.iter().map(|name| (*name).to_owned()).collect();
+        Self {
+            vehicles: (1..=count).map(vehicle).collect(),
+            types: names(&["default", "bus"]),
+            drivers: names(&["default", "human"]),
+            ..Self::default()
+        }
+    }
 }
 
 /// A recorded run that the panels are shown.
@@ -141,6 +171,7 @@ impl Desk {
             events: Vec::new(),
             city: CityKind::Local,
             lists: StartLists::default(),
+            edit: None,
         }
     }
 
@@ -191,6 +222,18 @@ impl Desk {
             step_s: 0.01,
             chart: ChartView { figure: self.chart.as_ref(), ..ChartView::default() },
             video: self.video,
+            edit: self.edit.as_ref().map(|edit| EditView {
+                vehicles: &edit.vehicles,
+                types: &edit.types,
+                drivers: &edit.drivers,
+                problems: &edit.problems,
+                is_checking: false,
+                is_changed: edit.has_history,
+                can_undo: edit.has_history,
+                can_redo: edit.has_history,
+                file: None,
+                name: "mine.toml",
+            }),
         };
         let actions = ui::show(ui, &mut self.state, &shown);
         self.actions.extend(actions);

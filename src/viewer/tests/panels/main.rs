@@ -6,6 +6,7 @@ mod city;
 mod commands;
 mod controllers;
 mod desk;
+mod editing;
 mod insight;
 mod layout;
 mod live_timeline;

@@ -4,6 +4,7 @@
 mod bookmarks;
 mod camera;
 mod driving;
+mod editing;
 mod files;
 mod look;
 mod panels;
@@ -114,11 +115,12 @@ impl Section {
 }
 
 /// All actions. Of two with one key, the first that is available runs.
-pub static SECTIONS: [Section; 9] = [
+pub static SECTIONS: [Section; 10] = [
     // Keys of the run are those of the playback while the past is played.
     Section::new("Time", time::ALL).with(time::GESTURES),
     Section::new("Run", run::ALL).only(|shown| shown.replay.is_none()),
     Section::new("Files", files::ALL),
+    Section::new("Editing", editing::ALL).with(editing::GESTURES).only(|shown| shown.replay.is_none()),
     Section::new("Camera", camera::ALL).with(camera::GESTURES),
     Section::new("Bookmarks", bookmarks::ALL),
     Section::new("Vehicles", vehicles::ALL).with(vehicles::GESTURES),
@@ -129,6 +131,7 @@ pub static SECTIONS: [Section; 9] = [
 
 pub use camera::MODES as CAMERA_MODES;
 pub use driving::{CONTROLLERS, TAKE_CONTROL};
+pub use editing::EDITING;
 pub use files::OPEN;
 pub use look::{LARGER, SMALLER};
 pub use panels::{CAMERAS, EVENTS, HELP, MENU as PANEL_MENU, SETTINGS, VIDEO};

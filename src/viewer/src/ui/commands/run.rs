@@ -46,6 +46,9 @@ registry!(
 const FAILED: Availability = Availability::After("The run has failed. Reset it first (Ctrl+R).");
 
 fn can_run(state: &UiState, shown: &ViewModel<'_>) -> Availability {
+    if shown.edit.is_some() {
+        return super::editing::RUN_WAITS;
+    }
     match shown.run_state.phase {
         RunPhase::Failed(_) if shown.replay.is_none() => FAILED,
         _ => is_live(state, shown),

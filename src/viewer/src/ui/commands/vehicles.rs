@@ -75,7 +75,7 @@ fn neighbour(shown: &ViewModel<'_>, from: Option<VehicleId>, forward: bool) -> O
 
 fn has_something_to_close(state: &UiState) -> bool {
     let is_following = state.selection.vehicle.is_some() || state.viewpoint.follow.is_some();
-    let is_busy = state.devices.learning().is_some() || state.measure.is_on;
+    let is_busy = state.devices.learning().is_some() || state.measure.is_on || state.editing.is_busy();
     is_busy || state.first_to_close().is_some() || state.driving.is_some() || is_following
 }
 
@@ -88,6 +88,10 @@ fn close(context: &mut CommandContext<'_, '_>) {
     }
     if state.measure.is_on {
         state.measure.end();
+        return;
+    }
+    if state.editing.is_busy() {
+        state.editing.rest();
         return;
     }
     if let Some(close) = state.first_to_close() {

@@ -92,7 +92,9 @@ fn routes(overlay: &mut Overlay, state: &UiState, shown: &ViewModel<'_>) {
             }
         }
     }
-    if let Some(id) = selected.filter(|_| state.layers.routes || state.layers.all_routes) {
+    if let Some(id) =
+        selected.filter(|_| state.layers.routes || state.layers.all_routes || shown.edit.is_some())
+    {
         route(overlay, shown, id, (6.0, paint(Color32::WHITE, 0.8)));
         route(overlay, shown, id, (4.0, paint(body_colour(shown, id), 1.0)));
     }

@@ -2,6 +2,7 @@
 
 use super::folder::{EntryKind, FileFilter, Folder, FolderEntry, has_run, kind_of};
 use super::{OpenRequest, RunPanels, StartLists, UiAction};
+use crate::ui::EditAction;
 use egui::text::{CCursor, CCursorRange};
 use egui::{Align, Context, Event, Id, Key, Layout, Modal, RichText, ScrollArea, TextEdit, Ui};
 use std::path::{MAIN_SEPARATOR, Path, PathBuf};
@@ -13,6 +14,11 @@ pub enum FilePurpose {
     Open,
     /// A recorded run that the present one is compared with.
     Compare,
+    /// The edited scenario is written there, and run if wanted.
+    SaveScenario {
+        /// It is run.
+        runs: bool,
+    },
 }
 
 /// State of the panel.
@@ -30,6 +36,8 @@ pub struct FilePanel {
     scrolls_to_marked: bool,
     trouble: Option<String>,
     is_new: bool,
+    /// The file of which the user was asked whether it shall be replaced.
+    replaces: Option<PathBuf>,
 }
 
 /// What the user wants with the marked entry, or with what was typed.
@@ -43,6 +51,7 @@ impl FilePanel {
     pub fn new(folder: &Path, purpose: FilePurpose) -> Self {
         let filter = match purpose {
             FilePurpose::Open => FileFilter::All,
+            FilePurpose::SaveScenario { .. } => FileFilter::Scenarios,
             FilePurpose::Compare => FileFilter::Logs,
         };
         let mut panel = Self {
@@ -55,6 +64,7 @@ impl FilePanel {
             scrolls_to_marked: false,
             trouble: None,
             is_new: true,
+            replaces: None,
         };
         panel.go_into(folder);
         panel
@@ -121,6 +131,9 @@ impl FilePanel {
     /// What Enter means now.
     fn choose(&mut self) -> Option<Chosen> {
         let typed = PathBuf::from(&self.typed);
+        if self.saves() && !self.typed_name().is_empty() && !typed.is_dir() {
+            return self.chosen_to_save(&typed);
+        }
         if !self.typed_name().is_empty() && typed.exists() {
             return self.chosen(&typed);
         }
@@ -137,7 +150,30 @@ impl FilePanel {
         None
     }
 
+    fn saves(&self) -> bool {
+        matches!(self.purpose, FilePurpose::SaveScenario { .. })
+    }
+
+    /// A file to write; one that is there is replaced only when it is chosen twice.
+    fn chosen_to_save(&mut self, path: &Path) -> Option<Chosen> {
+        let path = if path.extension().is_some() { path.to_path_buf() } else { path.with_extension("toml") };
+        if kind_of(&path) != EntryKind::Scenario {
+            self.trouble = Some("A scenario is saved as a .toml file.".to_owned());
+            return None;
+        }
+        if path.exists() && self.replaces.as_ref() != Some(&path) {
+            self.trouble =
+                Some(format!("{} is there already. Press Save again to replace it.", path.display()));
+            self.replaces = Some(path);
+            return None;
+        }
+        Some(Chosen::Open(path))
+    }
+
     fn chosen(&mut self, path: &Path) -> Option<Chosen> {
+        if self.saves() && kind_of(path) == EntryKind::Scenario {
+            return self.chosen_to_save(path);
+        }
         match kind_of(path) {
             EntryKind::Folder => Some(Chosen::GoInto(path.to_path_buf())),
             EntryKind::Run | EntryKind::Scenario | EntryKind::Map | EntryKind::Log => {
@@ -169,6 +205,7 @@ pub(super) fn show(ui: &Ui, panels: &mut RunPanels, lists: &StartLists, actions:
         ui.heading(match panel.purpose {
             FilePurpose::Open => "Open a scenario, a map or a log",
             FilePurpose::Compare => "Compare with a recorded run",
+            FilePurpose::SaveScenario { .. } => "Save the scenario: type its name",
         });
         // Its own keys come before those of the field: the field would take them.
         chosen = keys(ui, panel);
@@ -185,7 +222,8 @@ pub(super) fn show(ui: &Ui, panels: &mut RunPanels, lists: &StartLists, actions:
             ui.colored_label(ui.visuals().error_fg_color, trouble);
         }
         ui.horizontal(|ui| {
-            if ui.button("Open").on_hover_text("What is marked (Enter)").clicked() {
+            let verb = if panel.saves() { "Save" } else { "Open" };
+            if ui.button(verb).on_hover_text("What is marked (Enter)").clicked() {
                 chosen = chosen.take().or_else(|| panel.choose());
             }
             is_cancelled = ui.button("Cancel").on_hover_text("Esc").clicked();
@@ -208,6 +246,14 @@ pub(super) fn show(ui: &Ui, panels: &mut RunPanels, lists: &StartLists, actions:
                     UiAction::Open(OpenRequest { what, overrides, hours, starts: false })
                 }
                 FilePurpose::Compare => UiAction::CompareWith(what),
+                FilePurpose::SaveScenario { runs } => {
+                    actions.push(UiAction::Edit(EditAction::SaveAs(what)));
+                    if !runs {
+                        panels.files = None;
+                        return;
+                    }
+                    UiAction::Edit(EditAction::Run)
+                }
             });
             panels.files = None;
             panels.start_page.is_open = false;

@@ -190,6 +190,7 @@ impl ViewerState {
         request: ScenarioRequest,
         experiment: Arc<Experiment>,
     ) -> ViewedRun {
+        let kept = self.leave_editor();
         let old = std::mem::replace(&mut self.source, source);
         (self.request, self.refused, self.seated_in_run) = (request, 0, 0);
         (self.asks_for_plans, self.asks_for_decisions) = (false, false);
@@ -201,6 +202,10 @@ impl ViewerState {
         self.experiment = experiment;
         let first = self.run_state();
         self.state = self.state.renewed(&first.now);
+        self.state.open.editor = false;
+        if let Some(kept) = kept {
+            self.state.runs.problem = Some(Problem::of_file("The edited scenario was not saved", kept));
+        }
         old
     }
 

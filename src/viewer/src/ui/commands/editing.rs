@@ -1,0 +1,107 @@
+//! Actions on the edited scenario.
+
+use super::{Availability, Command, CommandContext, ctrl, key, registry};
+use crate::ui::editing::{self, EditAction, EditTool};
+use crate::ui::runs::{FilePurpose, ONLY_LOCAL};
+use crate::ui::{CityKind, UiAction, UiState, ViewModel};
+use egui::Key;
+
+registry!(
+    EDIT = Command::always("Edit the scenario, or show its run again", &[ctrl(Key::E)], |c| {
+        let action = if c.shown.edit.is_some() { EditAction::End } else { EditAction::Begin };
+        push(c, action);
+    })
+    .only(may_edit),
+    ADD = Command::always("Add a vehicle: click its lane", &[key(Key::Insert)], |c| {
+        editing::choose(c.state, EditTool::AddVehicle);
+    })
+    .only(is_editing),
+    ROUTE = Command::always("Draw the route of the selected vehicle", &[key(Key::T)], |c| {
+        editing::choose(c.state, EditTool::DrawRoute);
+    })
+    .only(has_stated),
+    REMOVE = Command::always("Remove the selected vehicle from the scenario", &[key(Key::Delete)], |c| {
+        if let Some(id) = c.state.selection.vehicle {
+            push(c, EditAction::Remove(id));
+        }
+    })
+    .only(has_stated),
+    UNDO = Command::always("Undo", &[ctrl(Key::Z)], |c| push(c, EditAction::Undo))
+        .only(|_, shown| { Availability::when(shown.edit.as_ref().is_some_and(|edit| edit.can_undo)) }),
+    REDO = Command::always("Redo", &[ctrl(Key::Z).with_shift(), ctrl(Key::Y)], |c| push(c, EditAction::Redo))
+        .only(|_, shown| Availability::when(shown.edit.as_ref().is_some_and(|edit| edit.can_redo))),
+    SAVE =
+        Command::always("Save the scenario", &[ctrl(Key::S)], |c| push(c, EditAction::Save)).only(is_editing),
+    SAVE_AS = Command::always("Save the scenario as another file", &[ctrl(Key::S).with_shift()], |c| {
+        c.state.runs.browse(FilePurpose::SaveScenario { runs: false });
+    })
+    .only(is_editing),
+    RUN = Command::always("Save the scenario and run it", &[key(Key::F5)], |c| push(c, EditAction::Run))
+        .only(|state, shown| match (&shown.edit, is_editing(state, shown)) {
+            (Some(edit), _) if edit.is_checking =>
+                Availability::After("The scenario is still being checked."),
+            (Some(edit), _) if !edit.problems.is_empty() => {
+                Availability::After("The scenario has problems: see the editor.")
+            }
+            (_, availability) => availability,
+        }),
+);
+
+/// Use of the mouse.
+pub const GESTURES: &[(&str, &str)] = &[
+    ("click", "With a tool: the lane where a vehicle starts, or the next lane of its route"),
+    ("drag a vehicle", "Move its start to another place or lane"),
+];
+
+/// The actions that the panel has buttons for.
+#[derive(Debug)]
+pub struct EditingCommands {
+    pub add: &'static Command,
+    pub route: &'static Command,
+    pub remove: &'static Command,
+    pub undo: &'static Command,
+    pub redo: &'static Command,
+    pub save: &'static Command,
+    pub save_as: &'static Command,
+    pub run: &'static Command,
+}
+
+/// The actions that the panel has buttons for.
+pub const EDITING: EditingCommands = EditingCommands {
+    add: &ADD,
+    route: &ROUTE,
+    remove: &REMOVE,
+    undo: &UNDO,
+    redo: &REDO,
+    save: &SAVE,
+    save_as: &SAVE_AS,
+    run: &RUN,
+};
+
+/// Why the run does not go on while its scenario is edited.
+pub const RUN_WAITS: Availability =
+    Availability::After("Save and run what is edited (F5), or go back to the run (Ctrl+E)");
+
+fn push(context: &mut CommandContext<'_, '_>, action: EditAction) {
+    context.actions.push(UiAction::Edit(action));
+}
+
+fn may_edit(_: &UiState, shown: &ViewModel<'_>) -> Availability {
+    match (shown.city, shown.replay.is_some()) {
+        (CityKind::Local, false) => Availability::Now,
+        (CityKind::Local, true) => Availability::After("Open its scenario to edit it (Ctrl+O)"),
+        _ => Availability::After(ONLY_LOCAL),
+    }
+}
+
+fn is_editing(_: &UiState, shown: &ViewModel<'_>) -> Availability {
+    Availability::when(shown.edit.is_some())
+}
+
+fn has_stated(state: &UiState, shown: &ViewModel<'_>) -> Availability {
+    let Some(edit) = &shown.edit else { return Availability::Never };
+    match state.selection.vehicle.and_then(|id| edit.vehicle(id)) {
+        Some(_) => Availability::Now,
+        None => Availability::After("Click a vehicle first that the file states"),
+    }
+}

@@ -1,0 +1,133 @@
+//! Making an experiment by hand: vehicles are put on lanes, moved, given routes and removed with the mouse, while the
+//! scenario is checked.
+
+mod panel;
+mod tools;
+
+pub(super) use panel::show;
+pub(super) use tools::{add_overlay, click, drag, paint};
+
+use super::{UiAction, UiState};
+use city3d_protocol::snapshot::VehicleId;
+use city3d_simulation::scenario::{StatedVehicle, VehicleEdit};
+use std::path::{Path, PathBuf};
+
+/// The scenario that is edited.
+#[derive(Clone, Copy, Debug)]
+pub struct EditView<'a> {
+    /// Its vehicles, in the order of the file.
+    pub vehicles: &'a [StatedVehicle],
+    /// Names of vehicle types to choose from.
+    pub types: &'a [String],
+    /// Names of drivers to choose from.
+    pub drivers: &'a [String],
+    /// What is wrong, with line, column and remedy; nothing where it can be run.
+    pub problems: &'a [String],
+    /// The latest change has not been checked yet.
+    pub is_checking: bool,
+    /// It differs from the file.
+    pub is_changed: bool,
+    /// There is a change to undo.
+    pub can_undo: bool,
+    /// There is a change to redo.
+    pub can_redo: bool,
+    /// Where it is saved; a shipped scenario has no file yet.
+    pub file: Option<&'a Path>,
+    /// Its name for the user.
+    pub name: &'a str,
+}
+
+impl EditView<'_> {
+    /// The vehicle that the file states by this id.
+    pub fn vehicle(&self, id: VehicleId) -> Option<&StatedVehicle> {
+        self.vehicles.iter().find(|vehicle| vehicle.id == id)
+    }
+}
+
+/// What the user does to the edited scenario.
+#[derive(Clone, Debug, PartialEq)]
+pub enum EditAction {
+    /// Edits the scenario that is shown; the run is paused.
+    Begin,
+    /// Puts a new vehicle on a lane, laboratory metres from its beginning, and selects it.
+    Add {
+        /// Name of the lane.
+        lane: String,
+        /// Front-axle centre along the lane, laboratory metres.
+        at_m: f64,
+    },
+    /// Starts a vehicle elsewhere. Its route keeps its end.
+    Move {
+        /// The vehicle.
+        vehicle: VehicleId,
+        /// Name of the lane.
+        lane: String,
+        /// Front-axle centre along the lane, laboratory metres.
+        at_m: f64,
+    },
+    /// Changes what is stated of a vehicle.
+    Change(VehicleId, VehicleEdit),
+    /// Removes a vehicle.
+    Remove(VehicleId),
+    /// Takes the last change back.
+    Undo,
+    /// Makes the change again that was taken back last.
+    Redo,
+    /// Writes the file.
+    Save,
+    /// Writes another file, which is edited from now on.
+    SaveAs(PathBuf),
+    /// Writes the file and runs it.
+    Run,
+    /// Shows the run again. Changes that are not saved are kept until another scenario is opened.
+    End,
+}
+
+/// What a click in the city does.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum EditTool {
+    /// Selects a vehicle; dragging one moves it.
+    #[default]
+    Select,
+    /// Puts a vehicle on a lane.
+    AddVehicle,
+    /// Adds a lane to the route of the selected vehicle.
+    DrawRoute,
+}
+
+/// State of the tools.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct EditState {
+    /// What a click does.
+    pub tool: EditTool,
+    /// The vehicle that is being dragged.
+    moving: Option<VehicleId>,
+    /// The name that is being typed, and whose it is.
+    name: Option<(VehicleId, String)>,
+}
+
+impl EditState {
+    /// Whether clicks and drags in the city belong to a tool.
+    pub fn is_busy(&self) -> bool {
+        self.tool != EditTool::Select || self.moving.is_some()
+    }
+
+    /// Ends the tool.
+    pub fn rest(&mut self) {
+        (self.tool, self.moving) = (EditTool::Select, None);
+    }
+}
+
+/// Chooses a tool; the same one again ends it.
+pub(super) fn choose(state: &mut UiState, tool: EditTool) {
+    let is_on = state.editing.tool == tool;
+    state.editing.rest();
+    if !is_on {
+        state.measure.end();
+        state.editing.tool = tool;
+    }
+}
+
+fn push(actions: &mut Vec<UiAction>, action: EditAction) {
+    actions.push(UiAction::Edit(action));
+}

@@ -1,0 +1,256 @@
+//! The panel of the editor: the file, the tools, the selected vehicle, and what is wrong.
+
+use super::{EditAction, EditTool, EditView, choose, push};
+use crate::ui::commands::EDITING;
+use crate::ui::runs::FilePurpose;
+use crate::ui::{UiAction, UiState, ViewModel};
+use city3d_simulation::scenario::{ScenarioDocument, StatedVehicle, VehicleEdit};
+use egui::{Button, ComboBox, DragValue, Grid, RichText, ScrollArea, TextEdit, Ui};
+
+/// Highest initial speed, laboratory m/s, as the format has it.
+const FASTEST_MPS: f64 = 2.0;
+/// Longest start along a lane, laboratory metres, as the format has it.
+const FARTHEST_M: f64 = 1000.0;
+
+/// Shows the editor.
+pub fn show(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>, actions: &mut Vec<UiAction>) {
+    let Some(edit) = &shown.edit else { return };
+    file(ui, state, edit, actions);
+    ui.separator();
+    tools(ui, state, edit, actions);
+    ui.separator();
+    ScrollArea::vertical().auto_shrink(false).show(ui, |ui| {
+        problems(ui, edit);
+        ui.separator();
+        let selected = state.selection.vehicle;
+        match selected.and_then(|id| edit.vehicle(id)) {
+            Some(vehicle) => of_vehicle(ui, vehicle, state, edit, actions),
+            None if selected.is_some() => {
+                ui.label("This vehicle is of [traffic] or of an [[inflow]]: change it in the file.");
+            }
+            None => {
+                ui.label("Select a vehicle to change it, or add one.");
+            }
+        }
+    });
+}
+
+fn file(ui: &mut Ui, state: &mut UiState, edit: &EditView<'_>, actions: &mut Vec<UiAction>) {
+    let mark = if edit.is_changed { " *" } else { "" };
+    let place =
+        edit.file.map_or_else(|| "not saved in a file yet".to_owned(), |file| file.display().to_string());
+    ui.add(egui::Label::new(RichText::new(format!("{}{mark}", edit.name)).strong()).truncate())
+        .on_hover_text(place);
+    ui.horizontal_wrapped(|ui| {
+        if enabled(ui, edit.can_undo, "Undo", &EDITING.undo.key()) {
+            push(actions, EditAction::Undo);
+        }
+        if enabled(ui, edit.can_redo, "Redo", &EDITING.redo.key()) {
+            push(actions, EditAction::Redo);
+        }
+        if enabled(ui, edit.is_changed || edit.file.is_none(), "Save", &EDITING.save.key()) {
+            push(actions, EditAction::Save);
+        }
+        if ui.button("Save as...").on_hover_text(EDITING.save_as.key()).clicked() {
+            state.runs.browse(FilePurpose::SaveScenario { runs: false });
+        }
+        let may_run = edit.problems.is_empty() && !edit.is_checking;
+        if enabled(ui, may_run, "Save and run", &EDITING.run.key()) {
+            push(actions, EditAction::Run);
+        }
+    });
+}
+
+fn enabled(ui: &mut Ui, is_enabled: bool, text: &str, key: &str) -> bool {
+    ui.add_enabled(is_enabled, Button::new(text)).on_hover_text(key).clicked()
+}
+
+fn tools(ui: &mut Ui, state: &mut UiState, edit: &EditView<'_>, actions: &mut Vec<UiAction>) {
+    let selected = state.selection.vehicle.filter(|id| edit.vehicle(*id).is_some());
+    ui.horizontal_wrapped(|ui| {
+        let is_on = state.editing.tool == EditTool::AddVehicle;
+        let tip = format!("Click a lane to put a vehicle on it ({})", EDITING.add.key());
+        if ui.selectable_label(is_on, "Add vehicle").on_hover_text(tip).clicked() {
+            choose(state, EditTool::AddVehicle);
+        }
+        let is_on = state.editing.tool == EditTool::DrawRoute;
+        let tip = format!("Click the lanes that it follows ({})", EDITING.route.key());
+        let draw = ui.add_enabled(selected.is_some(), Button::selectable(is_on, "Draw route"));
+        if draw.on_hover_text(tip).clicked() {
+            choose(state, EditTool::DrawRoute);
+        }
+        let remove = ui.add_enabled(selected.is_some(), Button::new("Remove"));
+        if remove.on_hover_text(EDITING.remove.key()).clicked()
+            && let Some(id) = selected
+        {
+            push(actions, EditAction::Remove(id));
+        }
+    });
+    ui.small("Drag a vehicle to move its start.");
+}
+
+fn problems(ui: &mut Ui, edit: &EditView<'_>) {
+    let count = edit.vehicles.len();
+    let vehicles = if count == 1 { "1 vehicle" } else { &format!("{count} vehicles") };
+    if edit.is_checking {
+        ui.label(RichText::new(format!("Checking {vehicles} ...")).weak());
+    } else if edit.problems.is_empty() {
+        ui.label(format!("\u{2714} {vehicles}, no problems"));
+    }
+    for problem in edit.problems {
+        ui.colored_label(ui.visuals().error_fg_color, format!("\u{26a0} {problem}"));
+    }
+}
+
+fn of_vehicle(
+    ui: &mut Ui,
+    vehicle: &StatedVehicle,
+    state: &mut UiState,
+    edit: &EditView<'_>,
+    actions: &mut Vec<UiAction>,
+) {
+    let id = vehicle.id;
+    ui.strong(format!("{id} {}", vehicle.name));
+    let mut change = None;
+    Grid::new("edited vehicle").num_columns(2).spacing([10.0, 4.0]).show(ui, |ui| {
+        ui.label("Name");
+        change = change.take().or(name(ui, vehicle, state));
+        ui.end_row();
+        ui.label("Type");
+        change = change.take().or(choice(
+            ui,
+            "type",
+            vehicle.vehicle_type.as_ref(),
+            edit.types,
+            VehicleEdit::Type,
+        ));
+        ui.end_row();
+        ui.label("Driver");
+        change = change.take().or(choice(
+            ui,
+            "driver",
+            vehicle.driver.as_ref(),
+            edit.drivers,
+            VehicleEdit::Driver,
+        ));
+        ui.end_row();
+        ui.label("Start").on_hover_text("Front axle along the first lane, laboratory metres");
+        let value = (vehicle.at_m, 0.0..=FARTHEST_M, " m (lab)");
+        change = change.take().or(number(ui, "at", value).map(VehicleEdit::At));
+        ui.end_row();
+        ui.label("Initial speed").on_hover_text("Laboratory metres per second");
+        let value = (vehicle.speed_mps, 0.0..=FASTEST_MPS, " m/s (lab)");
+        change = change.take().or(number(ui, "speed", value).map(VehicleEdit::Speed));
+        ui.end_row();
+        ui.label("At its end");
+        let mut leaves = vehicle.leaves;
+        if ui.checkbox(&mut leaves, "leaves the city").changed() {
+            change = Some(VehicleEdit::Leaves(leaves));
+        }
+        ui.end_row();
+        ui.label("Cameras");
+        change = change.take().or(cameras(ui, vehicle));
+        ui.end_row();
+    });
+    change = change.or(route(ui, vehicle));
+    if let Some(change) = change {
+        push(actions, EditAction::Change(id, change));
+    }
+}
+
+/// The name changes when the field is left, so that half a name is no change.
+fn name(ui: &mut Ui, vehicle: &StatedVehicle, state: &mut UiState) -> Option<VehicleEdit> {
+    let mut typed = match state.editing.name.take() {
+        Some((id, typed)) if id == vehicle.id => typed,
+        _ => vehicle.name.clone(),
+    };
+    let field = ui.add(TextEdit::singleline(&mut typed).desired_width(150.0));
+    if field.lost_focus() {
+        return (typed != vehicle.name && !typed.is_empty()).then_some(VehicleEdit::Name(typed));
+    }
+    if field.has_focus() {
+        state.editing.name = Some((vehicle.id, typed));
+    }
+    None
+}
+
+/// A choice of names. The default is written as no key at all.
+fn choice(
+    ui: &mut Ui,
+    id: &str,
+    stated: Option<&String>,
+    names: &[String],
+    edit: fn(Option<String>) -> VehicleEdit,
+) -> Option<VehicleEdit> {
+    const DEFAULT: &str = "default";
+    let present = stated.map_or(DEFAULT, String::as_str);
+    let mut chosen = None;
+    ComboBox::from_id_salt(id).selected_text(present).show_ui(ui, |ui| {
+        for name in names {
+            if ui.selectable_label(name == present, name).clicked() && name != present {
+                chosen = Some(edit((name != DEFAULT).then(|| name.clone())));
+            }
+        }
+    });
+    chosen
+}
+
+/// A number. While it is dragged it is kept aside, so that the whole drag is one change.
+fn number(
+    ui: &mut Ui,
+    id: &str,
+    (value, range, unit): (f64, std::ops::RangeInclusive<f64>, &str),
+) -> Option<f64> {
+    let kept = ui.id().with(("edited", id));
+    let mut new = ui.data(|data| data.get_temp::<f64>(kept)).unwrap_or(value);
+    let field = ui.add(DragValue::new(&mut new).range(range).speed(0.01).max_decimals(3).suffix(unit));
+    if field.dragged() || field.has_focus() {
+        ui.data_mut(|data| data.insert_temp(kept, new));
+        return None;
+    }
+    ui.data_mut(|data| data.remove::<f64>(kept));
+    (field.drag_stopped() || field.lost_focus()).then_some(new).filter(|new| *new != value)
+}
+
+fn cameras(ui: &mut Ui, vehicle: &StatedVehicle) -> Option<VehicleEdit> {
+    let mut change = None;
+    ui.vertical(|ui| {
+        let mut is_of_type = vehicle.cameras.is_none();
+        if ui.checkbox(&mut is_of_type, "those of its type").changed() {
+            change = Some(VehicleEdit::Cameras((!is_of_type).then(Vec::new)));
+        }
+        let own = vehicle.cameras.clone().unwrap_or_default();
+        for mount in ScenarioDocument::mounts() {
+            let mut is_on = own.iter().any(|known| known == mount);
+            if ui.checkbox(&mut is_on, mount).changed() {
+                let mut mounts: Vec<String> = own.iter().filter(|known| *known != mount).cloned().collect();
+                if is_on {
+                    mounts.push(mount.to_owned());
+                }
+                change = Some(VehicleEdit::Cameras(Some(mounts)));
+            }
+        }
+    });
+    change
+}
+
+/// The lanes of the route; all but the first can be taken out.
+fn route(ui: &mut Ui, vehicle: &StatedVehicle) -> Option<VehicleEdit> {
+    ui.add_space(4.0);
+    ui.label("Route: these lanes, joined by the shortest ways");
+    let mut removed = None;
+    for (k, lane) in vehicle.route.iter().enumerate() {
+        ui.horizontal(|ui| {
+            let remove = ui.add_enabled(k > 0, Button::new("\u{2715}").small());
+            if remove.on_hover_text("Take this lane out of the route").clicked() {
+                removed = Some(k);
+            }
+            ui.add(egui::Label::new(lane).truncate()).on_hover_text(lane);
+        });
+    }
+    let mut lanes = vehicle.route.clone();
+    removed.map(|k| {
+        lanes.remove(k);
+        VehicleEdit::Route(lanes)
+    })
+}

@@ -1,0 +1,407 @@
+//! The scenario that is edited: its text with all changes, the checks of it, and the city as it starts.
+
+use super::scenario_info::ScenarioInfo;
+use crate::ui::EditView;
+use city3d_protocol::snapshot::{FrameSnapshot, VehicleId};
+use city3d_simulation::scenario::{
+    EditError, Experiment, Library, Overrides, ScenarioDocument, ScenarioError, ScenarioRequest, SourceError,
+    StatedVehicle, VehicleEdit, read_experiment,
+};
+use city3d_simulation::sim::World;
+use std::io::Write;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::mpsc::{Receiver, TryRecvError, channel};
+use thiserror::Error;
+
+/// Why a scenario cannot be edited or saved.
+#[derive(Debug, Error)]
+pub enum EditorError {
+    /// Its file cannot be read.
+    #[error(transparent)]
+    Source(#[from] SourceError),
+    /// Its text cannot be edited.
+    #[error(transparent)]
+    Edit(#[from] EditError),
+    /// The file cannot be written.
+    #[error("{}: {reason}", path.display())]
+    Unwritable {
+        /// Where it was to be written.
+        path: PathBuf,
+        /// Reason of the operating system.
+        reason: std::io::Error,
+    },
+}
+
+/// A city as the edited scenario starts it.
+pub struct EditedCity {
+    /// The scenario, read.
+    pub experiment: Arc<Experiment>,
+    /// What the panels show of it.
+    pub info: ScenarioInfo,
+    /// All vehicles at their starts.
+    pub start: Arc<FrameSnapshot>,
+}
+
+type Outcome = Result<EditedCity, Vec<String>>;
+
+/// A scenario under editing.
+pub struct ScenarioEditor {
+    name: String,
+    file: Option<PathBuf>,
+    library: Library,
+    overrides: Overrides,
+    /// Every version of the text, and which one is edited: changes behind it can be made again.
+    versions: Vec<String>,
+    at: usize,
+    saved: String,
+    document: ScenarioDocument,
+    vehicles: Vec<StatedVehicle>,
+    types: Vec<String>,
+    drivers: Vec<String>,
+    /// The text that is being checked, and its result to come.
+    check: Option<(String, Receiver<Outcome>)>,
+    checked: String,
+    problems: Vec<String>,
+    /// The last version that could be read.
+    city: Option<EditedCity>,
+    wake: Arc<dyn Fn() + Send + Sync>,
+}
+
+impl ScenarioEditor {
+    /// Begins with a scenario as it is; `wake` is called on another thread when a check is done.
+    ///
+    /// # Errors
+    /// Where its text cannot be read or edited.
+    pub fn begin(request: &ScenarioRequest, wake: Arc<dyn Fn() + Send + Sync>) -> Result<Self, EditorError> {
+        let (text, library) = Library::scenario(&request.scenario)?;
+        let path = PathBuf::from(&request.scenario);
+        let document = ScenarioDocument::parse(&text)?;
+        let mut editor = Self {
+            name: request.scenario.clone(),
+            file: path.is_file().then_some(path),
+            library,
+            overrides: Overrides { allows_no_vehicles: true, ..request.overrides },
+            versions: vec![text.clone()],
+            at: 0,
+            saved: text,
+            vehicles: document.vehicles(),
+            types: document.types(),
+            drivers: document.drivers(),
+            document,
+            check: None,
+            checked: String::new(),
+            problems: Vec::new(),
+            city: None,
+            wake,
+        };
+        editor.poll();
+        Ok(editor)
+    }
+
+    /// The edited text.
+    pub fn text(&self) -> &str {
+        &self.versions[self.at]
+    }
+
+    /// Whether the text differs from the file.
+    pub fn is_changed(&self) -> bool {
+        self.text() != self.saved
+    }
+
+    /// Where it is saved.
+    pub fn file(&self) -> Option<&Path> {
+        self.file.as_deref()
+    }
+
+    /// The city of the last version that could be read.
+    pub fn city(&self) -> Option<&EditedCity> {
+        self.city.as_ref()
+    }
+
+    /// What the panels show.
+    pub fn view(&self) -> EditView<'_> {
+        EditView {
+            vehicles: &self.vehicles,
+            types: &self.types,
+            drivers: &self.drivers,
+            problems: &self.problems,
+            is_checking: self.checked != self.text(),
+            is_changed: self.is_changed(),
+            can_undo: self.at > 0,
+            can_redo: self.at + 1 < self.versions.len(),
+            file: self.file(),
+            name: &self.name,
+        }
+    }
+
+    /// Adds a vehicle on a lane, with a name that is free; returns its id.
+    pub fn add(&mut self, lane: String, at_m: f64) -> VehicleId {
+        let is_taken = |name: &String| self.vehicles.iter().any(|vehicle| vehicle.name == *name);
+        let mut names = (self.vehicles.len() + 1..).map(|k| format!("vehicle{k}"));
+        let name = names.find(|name| !is_taken(name)).unwrap_or_default();
+        let vehicle = StatedVehicle { name, route: vec![lane], at_m, ..StatedVehicle::default() };
+        let index = self.document.add_vehicle(&vehicle);
+        self.keep();
+        self.vehicles.get(index).map_or_else(VehicleId::default, |vehicle| vehicle.id)
+    }
+
+    /// Starts a vehicle elsewhere; the rest of its route stays.
+    pub fn move_to(&mut self, id: VehicleId, lane: String, at_m: f64) {
+        let Some(index) = self.index(id) else { return };
+        let mut route = self.vehicles[index].route.clone();
+        match route.first_mut() {
+            Some(first) => *first = lane,
+            None => route.push(lane),
+        }
+        // Two of the same in succession mean a lap, which nobody asked for.
+        if route.len() > 1 && route[0] == route[1] {
+            route.remove(1);
+        }
+        self.document.edit_vehicle(index, VehicleEdit::Route(route));
+        self.document.edit_vehicle(index, VehicleEdit::At(at_m));
+        self.keep();
+    }
+
+    /// Changes what is stated of a vehicle.
+    pub fn change(&mut self, id: VehicleId, edit: VehicleEdit) {
+        let Some(index) = self.index(id) else { return };
+        self.document.edit_vehicle(index, edit);
+        self.keep();
+    }
+
+    /// Removes a vehicle.
+    pub fn remove(&mut self, id: VehicleId) {
+        let Some(index) = self.index(id) else { return };
+        self.document.remove_vehicle(index);
+        self.keep();
+    }
+
+    /// Takes the last change back.
+    pub fn undo(&mut self) {
+        self.go_to(self.at.saturating_sub(1));
+    }
+
+    /// Makes the last change again.
+    pub fn redo(&mut self) {
+        self.go_to((self.at + 1).min(self.versions.len() - 1));
+    }
+
+    /// Writes the text to a file, which is the edited one from now on. It is written beside and renamed.
+    ///
+    /// # Errors
+    /// Where the file cannot be written; the one that was there stays.
+    pub fn save(&mut self, path: &Path) -> Result<(), EditorError> {
+        let unwritable = |reason| EditorError::Unwritable { path: path.to_path_buf(), reason };
+        write_whole(path, self.text()).map_err(unwritable)?;
+        self.saved = self.text().to_owned();
+        self.name = path.display().to_string();
+        self.file = Some(path.to_path_buf());
+        self.library = Library::beside(path);
+        // Maps and models are looked for beside the new file.
+        self.checked.clear();
+        self.poll();
+        Ok(())
+    }
+
+    /// Takes the result of a check, and begins the next one where the text has changed meanwhile. Returns whether the city
+    /// is another one.
+    pub fn poll(&mut self) -> bool {
+        let mut is_new = false;
+        if let Some((text, result)) = &self.check {
+            match result.try_recv() {
+                Ok(outcome) => {
+                    self.checked.clone_from(text);
+                    self.problems = match outcome {
+                        Ok(city) => {
+                            (self.city, is_new) = (Some(city), true);
+                            Vec::new()
+                        }
+                        Err(problems) => problems,
+                    };
+                    self.check = None;
+                }
+                Err(TryRecvError::Empty) => {}
+                // The check has panicked: a defect of ours, which must not take the text away.
+                Err(TryRecvError::Disconnected) => {
+                    self.checked.clone_from(text);
+                    self.problems =
+                        vec!["the scenario could not be checked: save it, and report this".to_owned()];
+                    self.check = None;
+                }
+            }
+        }
+        if self.check.is_none() && self.checked != self.text() {
+            self.begin_check();
+        }
+        is_new
+    }
+
+    /// Checks the text on another thread.
+    fn begin_check(&mut self) {
+        let (sender, receiver) = channel();
+        let text = self.text().to_owned();
+        self.check = Some((text.clone(), receiver));
+        let (name, library, overrides) = (self.name.clone(), self.library.clone(), self.overrides);
+        let wake = Arc::clone(&self.wake);
+        let check = move || {
+            // Whoever waited may have gone.
+            let _ = sender.send(check(&name, &text, &library, overrides));
+            wake();
+        };
+        if let Err(error) = std::thread::Builder::new().name("scenario check".to_owned()).spawn(check) {
+            self.problems = vec![format!("the scenario cannot be checked: {error}")];
+        }
+    }
+
+    fn index(&self, id: VehicleId) -> Option<usize> {
+        self.vehicles.iter().position(|vehicle| vehicle.id == id)
+    }
+
+    /// Keeps the changed document as the next version.
+    fn keep(&mut self) {
+        let text = self.document.to_string();
+        if text != self.text() {
+            self.versions.truncate(self.at + 1);
+            self.versions.push(text);
+            self.at += 1;
+        }
+        self.refresh();
+    }
+
+    fn go_to(&mut self, version: usize) {
+        self.at = version;
+        // Every version has been a document before.
+        if let Ok(document) = ScenarioDocument::parse(self.text()) {
+            self.document = document;
+        }
+        self.refresh();
+    }
+
+    fn refresh(&mut self) {
+        self.vehicles = self.document.vehicles();
+        self.types = self.document.types();
+        self.drivers = self.document.drivers();
+        self.poll();
+    }
+}
+
+/// Reads a scenario, and puts its vehicles at their starts.
+fn check(name: &str, text: &str, library: &Library, overrides: Overrides) -> Outcome {
+    let experiment = read_experiment(name, text, library, overrides).map_err(|error| match error {
+        ScenarioError::Scenario { problems, .. } => problems.iter().map(ToString::to_string).collect(),
+        other => vec![other.to_string()],
+    })?;
+    let experiment = Arc::new(experiment);
+    let start = Arc::new(World::new(Arc::clone(&experiment)).snapshot());
+    Ok(EditedCity { info: ScenarioInfo::of(&experiment), experiment, start })
+}
+
+/// Writes a text so that the file is either the old one or the whole new one.
+fn write_whole(path: &Path, text: &str) -> std::io::Result<()> {
+    let mut beside = path.as_os_str().to_owned();
+    beside.push(".part");
+    let beside = PathBuf::from(beside);
+    let written = std::fs::File::create(&beside).and_then(|mut file| {
+        file.write_all(text.as_bytes())?;
+        file.sync_all()
+    });
+    let written = written.and_then(|()| std::fs::rename(&beside, path));
+    if written.is_err() {
+        // What could not be written is no use; it may not even be there.
+        let _ = std::fs::remove_file(&beside);
+    }
+    written
+}
+
+/// Keeps the text of changes that were not saved; returns where.
+pub fn keep_unsaved(editor: &ScenarioEditor, folder: &Path) -> std::io::Result<PathBuf> {
+    std::fs::create_dir_all(folder)?;
+    let stem = Path::new(&editor.name).file_stem().unwrap_or_default().to_string_lossy().into_owned();
+    let others = (2..).map(|k| format!("{stem}-{k}"));
+    let mut paths =
+        std::iter::once(stem.clone()).chain(others).map(|name| folder.join(format!("{name}.toml")));
+    let path = paths.find(|path| !path.exists()).unwrap_or_else(|| folder.join("unsaved.toml"));
+    write_whole(&path, editor.text())?;
+    Ok(path)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::time::{Duration, Instant};
+
+    fn editor(scenario: &str) -> ScenarioEditor {
+        let request = ScenarioRequest { scenario: scenario.to_owned(), ..ScenarioRequest::default() };
+        ScenarioEditor::begin(&request, Arc::new(|| {})).unwrap()
+    }
+
+    /// Waits until the latest text is checked.
+    fn settle(editor: &mut ScenarioEditor) {
+        let start = Instant::now();
+        while editor.view().is_checking {
+            assert!(start.elapsed() < Duration::from_secs(60), "it is never checked");
+            editor.poll();
+            std::thread::sleep(Duration::from_millis(2));
+        }
+    }
+
+    fn there(editor: &ScenarioEditor) -> Vec<VehicleId> {
+        editor.city().unwrap().start.vehicles.iter().map(|vehicle| vehicle.id).collect()
+    }
+
+    #[test]
+    fn changes_are_checked_shown_undone_and_made_again() {
+        let mut editor = editor("roundabout");
+        settle(&mut editor);
+        assert_eq!((there(&editor).len(), editor.is_changed()), (6, false));
+        let added = editor.add("west-street/south/inner/1".to_owned(), 1.5);
+        assert_eq!((added, editor.view().can_undo, editor.is_changed()), (VehicleId(7), true, true));
+        settle(&mut editor);
+        assert_eq!((there(&editor).len(), editor.view().problems.len()), (7, 0));
+        editor.change(added, VehicleEdit::Driver(Some("nobody".to_owned())));
+        settle(&mut editor);
+        let problem = &editor.view().problems[0];
+        let line = editor.text().lines().position(|line| line.contains("nobody")).unwrap() + 1;
+        assert!(problem.starts_with(&format!("line {line}, ")) && problem.contains("nobody"), "{problem}");
+        // The city stays as it was read last.
+        assert_eq!(there(&editor).len(), 7);
+        editor.undo();
+        editor.undo();
+        settle(&mut editor);
+        assert_eq!((there(&editor).len(), editor.view().can_undo, editor.is_changed()), (6, false, false));
+        editor.redo();
+        editor.move_to(added, "west-street/south/inner/1".to_owned(), 2.0);
+        assert!(!editor.view().can_redo, "a change behind an undone one takes its place");
+        settle(&mut editor);
+        let stated = editor.view().vehicle(added).cloned().unwrap();
+        assert_eq!((stated.name.as_str(), stated.at_m, stated.route.len()), ("vehicle7", 2.0, 1));
+        editor.remove(VehicleId(1));
+        settle(&mut editor);
+        assert_eq!(there(&editor).len(), 6);
+    }
+
+    #[test]
+    fn a_file_is_saved_whole_or_not_at_all_and_unsaved_changes_are_kept() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut editor = editor("straight");
+        assert_eq!(editor.file(), None);
+        let lane = editor.view().vehicles[0].route[0].clone();
+        editor.add(lane, 3.0);
+        let file = folder.path().join("mine.toml");
+        editor.save(&file).unwrap();
+        assert_eq!(std::fs::read_to_string(&file).unwrap(), editor.text());
+        assert_eq!((editor.file(), editor.is_changed()), (Some(&*file), false));
+        settle(&mut editor);
+        assert_eq!(editor.view().problems, &[] as &[String]);
+        let nowhere = folder.path().join("none/mine.toml");
+        let said = editor.save(&nowhere).unwrap_err().to_string();
+        assert!(said.contains("none/mine.toml") && editor.file() == Some(&*file), "{said}");
+        editor.remove(VehicleId(1));
+        let kept = [(); 2].map(|()| keep_unsaved(&editor, &folder.path().join("unsaved")).unwrap());
+        assert_ne!(kept[0], kept[1]);
+        assert!(kept.iter().all(|path| std::fs::read_to_string(path).unwrap() == editor.text()));
+        let others = std::fs::read_dir(folder.path()).unwrap().count();
+        assert_eq!(others, 2, "no part of a file is left");
+    }
+}

@@ -1,0 +1,150 @@
+//! Editing of the scenario in place of its run, which waits.
+
+use super::{ViewedRun, ViewerState, WindowRequest};
+use crate::ui::runs::{FilePurpose, OpenRequest, Problem};
+use crate::ui::{EditAction, EditTool};
+use crate::window::editor::{EditorError, ScenarioEditor, keep_unsaved};
+use crate::window::opening::Opening;
+use crate::window::settings::runs_folder;
+use city3d_session::{Order, RunPhase, RunState};
+use std::path::Path;
+use std::sync::Arc;
+
+impl ViewerState {
+    /// Carries out an action of the editor.
+    pub(super) fn edit(&mut self, action: EditAction, now_s: f64) -> Option<WindowRequest> {
+        if action == EditAction::Begin {
+            self.begin_editing(now_s);
+            return None;
+        }
+        let editor = self.editor.as_mut()?;
+        match action {
+            EditAction::Begin => {}
+            EditAction::Add { lane, at_m } => {
+                let added = editor.add(lane, at_m);
+                (self.state.selection.vehicle, self.state.table.reveal) = (Some(added), true);
+            }
+            EditAction::Move { vehicle, lane, at_m } => editor.move_to(vehicle, lane, at_m),
+            EditAction::Change(vehicle, change) => editor.change(vehicle, change),
+            EditAction::Remove(vehicle) => {
+                editor.remove(vehicle);
+                self.state.selection.vehicle = None;
+                self.state.editing.rest();
+            }
+            EditAction::Undo => editor.undo(),
+            EditAction::Redo => editor.redo(),
+            EditAction::Save => match editor.file().map(Path::to_path_buf) {
+                Some(file) => _ = self.save(&file, now_s),
+                None => self.state.runs.browse(FilePurpose::SaveScenario { runs: false }),
+            },
+            EditAction::SaveAs(file) => _ = self.save(&file, now_s),
+            EditAction::Run => return self.run_edited(now_s),
+            EditAction::End => self.end_editing(),
+        }
+        None
+    }
+
+    fn begin_editing(&mut self, now_s: f64) {
+        if self.editor.is_none() {
+            match ScenarioEditor::begin(&self.request, Arc::clone(&self.recording.on_update)) {
+                Ok(editor) => self.editor = Some(editor),
+                Err(error) => {
+                    self.state.runs.problem =
+                        Some(Problem::of_file("This cannot be edited", error.to_string()));
+                    return;
+                }
+            }
+        }
+        self.give_back(now_s);
+        if self.run_state().phase == RunPhase::Running {
+            self.send(Order::Pause);
+        }
+        self.past.go_live();
+        self.edits = true;
+        self.state.open.editor = true;
+        self.state.say("Editing: the run is paused. F5 saves and runs what is edited", now_s);
+    }
+
+    fn end_editing(&mut self) {
+        self.edits = false;
+        self.state.open.editor = false;
+        self.state.editing.rest();
+    }
+
+    fn save(&mut self, file: &Path, now_s: f64) -> bool {
+        let Some(editor) = &mut self.editor else { return false };
+        match editor.save(file) {
+            Ok(()) => {
+                self.state.say(format!("Saved as {}", file.display()), now_s);
+                self.remember_file(&file.to_string_lossy());
+                true
+            }
+            Err(error @ (EditorError::Unwritable { .. } | EditorError::Source(_) | EditorError::Edit(_))) => {
+                self.state.runs.problem = Some(Problem::of_file("This cannot be saved", error.to_string()));
+                false
+            }
+        }
+    }
+
+    /// Saves what is edited, and runs it.
+    fn run_edited(&mut self, now_s: f64) -> Option<WindowRequest> {
+        let editor = self.editor.as_ref()?;
+        let Some(file) = editor.file().map(Path::to_path_buf) else {
+            self.state.runs.browse(FilePurpose::SaveScenario { runs: true });
+            return None;
+        };
+        if editor.is_changed() && !self.save(&file, now_s) {
+            return None;
+        }
+        let overrides = self.request.overrides;
+        let hours = Some(self.state.look.hours);
+        match Opening::of(&OpenRequest { what: file, overrides, hours, starts: true }) {
+            Ok(opening) => Some(WindowRequest::Open(opening)),
+            Err(why) => {
+                self.state.runs.problem = Some(Problem::of_file("This cannot be run", why));
+                None
+            }
+        }
+    }
+
+    /// Another scenario or log is shown: what was edited and not saved is kept in a file; returns the message about it.
+    pub(super) fn leave_editor(&mut self) -> Option<String> {
+        self.edits = false;
+        let editor = self.editor.take().filter(ScenarioEditor::is_changed)?;
+        let folder = runs_folder()?.parent()?.join("unsaved");
+        Some(match keep_unsaved(&editor, &folder) {
+            Ok(path) => format!("Changes that were not saved are kept in {}", path.display()),
+            Err(error) => format!("Changes that were not saved are lost: {}: {error}", folder.display()),
+        })
+    }
+
+    /// The state that is shown while the scenario is edited: its vehicles at their starts, waiting.
+    pub(super) fn edited_state(&mut self, live: &Arc<RunState>) -> Option<Arc<RunState>> {
+        let is_shown = self.edits && matches!(self.source, ViewedRun::Run(_) | ViewedRun::Ended(_));
+        let editor = self.editor.as_mut().filter(|_| is_shown)?;
+        editor.poll();
+        let start = &editor.city()?.start;
+        let (before, now) = (Arc::clone(start), Arc::clone(start));
+        let edited = RunState {
+            before,
+            now,
+            phase: RunPhase::Ready,
+            clock: None,
+            coordination: None,
+            insight: None,
+            goal: None,
+            ..RunState::clone(live)
+        };
+        Some(super::before_start(Arc::new(edited)))
+    }
+
+    /// Tools follow what the user has closed.
+    pub(super) fn follow_editor_panel(&mut self) {
+        if self.edits && !self.state.open.editor {
+            self.end_editing();
+        }
+        if !self.edits && self.state.editing.tool != EditTool::Select {
+            self.state.editing.rest();
+        }
+    }
+}
