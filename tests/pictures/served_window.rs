@@ -12,7 +12,7 @@ use std::path::Path;
 use std::process::Command;
 
 /// A part of the onboard picture in a window of 1280 by 720 pixels, beside panels, the map and messages.
-const CITY: [u32; 4] = [460, 200, 1100, 560];
+const CITY: [u32; 4] = [460, 200, 980, 560];
 
 /// path1_b.
 const DRIVEN: VehicleId = VehicleId(2);

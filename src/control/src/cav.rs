@@ -8,7 +8,7 @@ use super::estimate::RouteEstimate;
 use super::limit::Limit;
 use super::off_route;
 use super::right_of_way::RightOfWayState;
-use super::{CRUISE, Controller, DriverParams, Drivers, LeaderState, OwnMotion, Route, SetupError};
+use super::{Controller, DriverParams, Drivers, LeaderState, OwnMotion, Route, SetupError, heeds_nobody};
 use city3d_geometry::lab::Pose2;
 use city3d_protocol::snapshot::{Indicator, VehicleId};
 use city3d_protocol::wire::Measurement;
@@ -204,7 +204,7 @@ impl Cav {
         if setup.route.is_empty() {
             return Err(SetupError::EmptyRoute { vehicle: setup.id });
         }
-        let heeds_others = setup.controller != CRUISE;
+        let heeds_others = !heeds_nobody(&setup.controller);
         let controller = controller_of(drivers, setup.id, setup.controller, setup.driver)?;
         Ok(Self {
             id: setup.id,
@@ -510,7 +510,7 @@ impl Cav {
         driver: DriverParams,
         drivers: &Drivers,
     ) -> Result<(), SetupError> {
-        self.heeds_others = name != CRUISE;
+        self.heeds_others = !heeds_nobody(&name);
         self.controller = controller_of(drivers, self.id, name, driver)?;
         self.own_desired_mps = driver.desired_speed_mps;
         if self.driver != driver {

@@ -61,14 +61,22 @@ pub struct PlatoonBroadcast {
 
 /// Name of the algorithm that ignores leaders.
 pub const CRUISE: &str = "cruise";
+/// Name of the algorithm of a vehicle that stays where it is: an obstacle.
+pub const PARKED: &str = "parked";
 /// Names of all control algorithms.
-pub const CONTROLLERS: [&str; 5] = ["idm", CRUISE, "cacc", "ploeg", "sinusoid"];
+pub const CONTROLLERS: [&str; 6] = ["idm", CRUISE, "cacc", "ploeg", "sinusoid", PARKED];
+
+/// Whether a vehicle with this algorithm heeds nobody: neither leaders nor right of way.
+pub fn heeds_nobody(name: &str) -> bool {
+    matches!(name, CRUISE | PARKED)
+}
 
 /// Creates a control algorithm by name; `None` for an unknown one.
 ///
 /// `idm`: intelligent driver model within the safe speed of Gipps. `cruise`: constant speed whatever is
 /// ahead. `cacc`, `ploeg`: cooperative adaptive cruise control at constant spacing or time headway behind the predecessor
 /// in a platoon, else as `idm`. `sinusoid`: a sinusoidal speed below the allowed one, as far as `idm` permits behind a leader.
+/// `parked`: it stays where it is.
 pub fn controller(name: &str, params: DriverParams) -> Option<Box<dyn Controller>> {
     match name {
         "idm" => Some(Box::new(Idm(params))),
@@ -76,6 +84,7 @@ pub fn controller(name: &str, params: DriverParams) -> Option<Box<dyn Controller
         "cacc" => Some(Box::new(Cacc { alone: Idm(params), gains: CaccGains::default() })),
         "ploeg" => Some(Box::new(Ploeg { alone: Idm(params), gains: PloegGains::default() })),
         "sinusoid" => Some(Box::new(Sinusoid(Idm(params)))),
+        PARKED => Some(Box::new(Parked(params))),
         _ => None,
     }
 }
@@ -113,6 +122,16 @@ struct Cruise(DriverParams);
 impl Controller for Cruise {
     fn acceleration(&self, own: OwnMotion, desired_mps: f64, _ahead: Option<LeaderState>) -> f64 {
         self.0.acceleration(own.planned_mps, desired_mps, None)
+    }
+}
+
+/// Stands, and brakes to a stop if it does not.
+#[derive(Debug)]
+struct Parked(DriverParams);
+
+impl Controller for Parked {
+    fn acceleration(&self, own: OwnMotion, _desired_mps: f64, _ahead: Option<LeaderState>) -> f64 {
+        if own.planned_mps > 0.0 { self.0.min_acceleration_mps2 } else { 0.0 }
     }
 }
 

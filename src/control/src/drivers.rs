@@ -25,7 +25,8 @@ type MakeController = dyn Fn(DriverParams) -> Box<dyn Controller> + Send + Sync;
 ///
 /// let drivers = Drivers::standard().with("bang-bang", |params| Box::new(BangBang(params)));
 /// assert!(drivers.controller("bang-bang", DriverParams::default()).is_some());
-/// assert_eq!(drivers.names().collect::<Vec<_>>(), ["bang-bang", "cacc", "cruise", "idm", "ploeg", "sinusoid"]);
+/// let names = ["bang-bang", "cacc", "cruise", "idm", "parked", "ploeg", "sinusoid"];
+/// assert_eq!(drivers.names().collect::<Vec<_>>(), names);
 /// ```
 #[derive(Clone)]
 pub struct Drivers {

@@ -27,7 +27,9 @@ mod traffic;
 
 pub use cacc::{CaccGains, CaccInputs};
 pub use cav::{Cav, CavGeometry, CavSetup, Role};
-pub use controller::{CONTROLLERS, CRUISE, Controller, OwnMotion, PlatoonBroadcast, controller};
+pub use controller::{
+    CONTROLLERS, CRUISE, Controller, OwnMotion, PARKED, PlatoonBroadcast, controller, heeds_nobody,
+};
 pub use drivers::Drivers;
 pub use idm::{DriverParams, LeaderState};
 pub use limit::Limit;

@@ -2,7 +2,7 @@
 //! process; nothing of them is in a snapshot, a log or the digest of the state.
 
 use city3d_control::coordination::{Passage, ZoneCounts};
-use city3d_control::{CRUISE, Cav, Mainframe, Role, STANDS_MPS};
+use city3d_control::{Cav, Mainframe, Role, STANDS_MPS, heeds_nobody};
 use city3d_geometry::Pose2;
 use city3d_protocol::snapshot::VehicleId;
 use city3d_simulation::scenario::Experiment;
@@ -116,8 +116,9 @@ fn planned(cav: &Cav, passage: &Passage, experiment: &Experiment, now_s: f64) ->
 }
 
 fn reason(cav: &Cav, experiment: &Experiment) -> NoPlan {
-    let cruises = experiment.planned(cav.id).is_some_and(|planned| planned.controller == CRUISE);
-    if cav.role == Role::Human || cruises {
+    let planned = experiment.planned(cav.id);
+    let heeds_nobody = planned.is_some_and(|planned| heeds_nobody(&planned.controller));
+    if cav.role == Role::Human || heeds_nobody {
         NoPlan::NotCoordinated
     } else if cav.coordination.is_distrusted {
         NoPlan::LeftItsPlans

@@ -318,3 +318,36 @@ fn a_person_who_hesitates_at_the_line_can_still_drive_in() {
     }
     assert!(run.mainframe().cavs()[0].is_on_route());
 }
+
+#[test]
+fn a_parked_vehicle_stays_and_others_stop_behind_it() {
+    let text = r#"
+        name = "parked"
+        duration_s = 40.0
+        [driver.parked]
+        controller = "parked"
+        [[vehicle]]
+        name = "follower"
+        route = ["south-boulevard/east/outer/1"]
+        at_m = 0.3
+        speed_mps = 0.3
+        [[vehicle]]
+        name = "obstacle"
+        driver = "parked"
+        route = ["south-boulevard/east/outer/1"]
+        at_m = 2.0
+    "#;
+    for model in [ModelKind::Bicycle, ModelKind::Raycast] {
+        let mut run = run(text, model);
+        let start = state(&run, VehicleId(2)).position;
+        for _ in 0..3000 {
+            run.step();
+        }
+        let [follower, obstacle] = [1, 2].map(|id| state(&run, VehicleId(id)).clone());
+        assert!(obstacle.position.distance(start) < 0.05, "{:?}", obstacle.position - start);
+        assert!(follower.speed_mps.abs() < 0.05 && follower.distance_m > 20.0, "{follower:?}");
+        let gap_m = (obstacle.position - follower.position).length() - 5.0;
+        assert!((0.5..6.0).contains(&gap_m), "{gap_m} m");
+        assert_ne!(follower.status, Status::Collided);
+    }
+}

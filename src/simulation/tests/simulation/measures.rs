@@ -145,3 +145,28 @@ fn experiment_zones(text: &str) -> Vec<ControlZone> {
     let library = Library::scenario("roundabout-coordinated").unwrap().1;
     read_experiment("roundabout", text, &library, Overrides::default()).unwrap().control_zones
 }
+
+#[test]
+fn whoever_takes_another_route_keeps_its_place_and_its_delay() {
+    let duration_s = Some(600.0);
+    let overrides = Overrides { duration_s, model: Some(ModelKind::Bicycle), ..Overrides::default() };
+    let experiment = experiment("city", overrides);
+    let mut measures = TrafficMeasures::new(&experiment);
+    let mut run = Run::new(Arc::clone(&experiment)).unwrap();
+    for _ in 0..experiment.ticks() {
+        run.step();
+        measures.observe(Some(run.mainframe()), run.snapshot());
+    }
+    let reroutes: u32 = run.mainframe().cavs().iter().map(|cav| cav.reroutes).sum();
+    assert!(reroutes > 5, "{reroutes} reroutes");
+    for tracked in measures.vehicles() {
+        let free_s = tracked.trip.free_s().expect("nobody has left its route");
+        let (travel_s, stood_s) = (tracked.trip.travel_s(), tracked.motion.stood_s);
+        // Alone it would have driven as fast, and not have stood.
+        let delay_s = travel_s - free_s;
+        assert!((0.8 * stood_s..travel_s).contains(&delay_s), "{}: {delay_s} of {travel_s} s", tracked.id);
+    }
+    // Who would be found laps ahead would be in crossings where it is not.
+    let findings = measures.audit_conflicts(&experiment.lab_map, &[ZoneKind::Cross]);
+    assert!(findings.is_empty(), "{} of {}", findings.len(), measures.encroachments().len());
+}

@@ -342,6 +342,7 @@ fn look(ui: &mut Ui, state: &mut UiState, actions: &mut Vec<UiAction>) {
             for (hours, label) in TIMES {
                 ui.selectable_value(&mut state.look.hours, hours, label);
             }
+            any_time(ui, state);
         })
         .response
         .on_hover_text("Time of day");
@@ -349,6 +350,24 @@ fn look(ui: &mut Ui, state: &mut UiState, actions: &mut Vec<UiAction>) {
         actions.push(UiAction::Look(state.look));
     }
 }
+
+/// Any other time of day. It counts once the slider is let go: pictures in another light are built anew.
+fn any_time(ui: &mut Ui, state: &mut UiState) {
+    let id = ui.scope_id().with("any time");
+    let mut hours = ui.data(|data| data.get_temp::<f64>(id)).unwrap_or(state.look.hours);
+    let slider = egui::Slider::new(&mut hours, 0.0..=LAST_HOUR).step_by(0.25).show_value(false);
+    let slider = ui.add(slider).on_hover_text("Any time of day");
+    ui.label(time_label(hours));
+    if slider.dragged() {
+        ui.data_mut(|data| data.insert_temp(id, hours));
+    } else {
+        ui.data_mut(|data| data.remove::<f64>(id));
+        state.look.hours = hours;
+    }
+}
+
+/// The last time of day of the slider.
+const LAST_HOUR: f64 = 23.75;
 
 pub(super) const TIMES: [(f64, &str); 5] =
     [(8.0, "morning"), (12.0, "noon"), (16.5, "low sun"), (17.6, "dusk"), (22.0, "night")];

@@ -3,7 +3,8 @@
 use super::layers::{self, Canvas};
 use super::vehicle_menu::{MenuSubject, VehicleMenu};
 use super::{
-    PictureRequest, PictureSlot, UiAction, UiState, ViewModel, editing, legend, map, overlay, rulers, theme,
+    PictureRequest, PictureSlot, UiAction, UiState, ViewModel, Viewpoint, editing, legend, map, overlay,
+    rulers, theme,
 };
 use city3d_protocol::snapshot::{Status, VehicleId};
 use city3d_sensors::PictureKind;
@@ -21,11 +22,11 @@ const SCROLL_STEP: f64 = 40.0;
 pub fn show(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>, actions: &mut Vec<UiAction>) {
     let rect = ui.available_rect_before_wrap().round_to_pixels(ui.ctx().pixels_per_point());
     let response = ui.allocate_rect(rect, Sense::click_and_drag());
-    let before =
-        Canvas::new(ui, &state.viewpoint.view(shown.interpolated, super::pixels(rect.size(), 1.0)), rect);
-    let picked = |at| pick(&before, shown, at);
-    if !editing::drag(&response, &before, picked, state, (shown, &mut *actions)) {
-        move_camera(ui, &response, state);
+    let unmoved = state.viewpoint.view(shown.interpolated, super::pixels(rect.size(), 1.0));
+    let canvas = Canvas::new(ui, &unmoved, rect);
+    let picked = |at| pick(&canvas, shown, at);
+    if !editing::drag(&response, &canvas, picked, state, (shown, &mut *actions)) {
+        move_camera(ui, &response, &mut state.viewpoint);
     }
     state.viewpoint.update(shown.interpolated);
     let moves = shown.run_state.phase == RunPhase::Running || response.dragged() || state.is_scrubbing;
@@ -39,9 +40,9 @@ pub fn show(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>, actions: &m
     let pointed = response.hover_pos();
     state.measure.point_at(pointed.and_then(|at| canvas.ground_at(at)));
     act_on_clicks(&response, &canvas, state, (shown, actions));
-    state.overlay = overlay::build(state, shown, &canvas);
-    let ground = pointed.and_then(|at| canvas.ground_at(at));
-    editing::add_overlay(&mut state.overlay, state, shown, ground);
+    let mut overlay = overlay::build(state, shown, &canvas);
+    editing::add_overlay(&mut overlay, state, shown, pointed.and_then(|at| canvas.ground_at(at)));
+    state.overlay = overlay;
     layers::paint(&canvas, state, shown);
     state.measure.paint(&canvas);
     editing::paint(&canvas, state, shown);
@@ -85,33 +86,34 @@ fn act_on_clicks(
 }
 
 /// Resolution of the picture, reduced to the pixel budget.
-fn extent(rect: Rect, pixels_per_point: f32, most: Option<u32>) -> [u32; 2] {
+pub fn extent(rect: Rect, pixels_per_point: f32, most: Option<u32>) -> [u32; 2] {
     let [width, height] = super::pixels(rect.size(), pixels_per_point);
     let there = width as f32 * height as f32;
     let scale = most.map_or(1.0, |most| (most as f32 / there).sqrt().min(1.0));
     super::pixels(rect.size(), pixels_per_point * scale)
 }
 
-fn move_camera(ui: &Ui, response: &Response, state: &mut UiState) {
+/// Turns, shifts and zooms a camera by the mouse.
+pub fn move_camera(ui: &Ui, response: &Response, camera: &mut Viewpoint) {
     let delta = response.drag_delta();
     let (right, down) = (f64::from(delta.x), f64::from(delta.y));
     let shifts = ui.input(|input| input.modifiers.shift);
     if response.dragged_by(PointerButton::Primary) && !shifts {
-        state.viewpoint.turn(right, down);
+        camera.turn(right, down);
     } else if response.dragged() {
-        state.viewpoint.shift(right, down);
+        camera.shift(right, down);
     }
     if response.hovered() {
         let (scroll, zoom) = ui.input(|input| (input.smooth_scroll_delta().y, input.zoom_delta()));
         let steps = f64::from(scroll) / SCROLL_STEP + f64::from(zoom - 1.0) * 8.0;
         if steps != 0.0 {
-            state.viewpoint.zoom(steps);
+            camera.zoom(steps);
         }
     }
 }
 
 /// Picking: the vehicle at a screen point, of several the nearest to the camera.
-fn pick(canvas: &Canvas<'_>, shown: &ViewModel<'_>, at: Pos2) -> Option<VehicleId> {
+pub fn pick(canvas: &Canvas<'_>, shown: &ViewModel<'_>, at: Pos2) -> Option<VehicleId> {
     let hits = shown.interpolated.iter().filter_map(|(vehicle, info)| {
         let d = &info.dimensions;
         let forward = vehicle.orientation * DVec3::X * (d.length_m / 2.0);

@@ -42,6 +42,7 @@ mod vehicles;
 mod video;
 mod view_model;
 mod viewpoint;
+mod views;
 
 pub use charts::{ChartKind, ChartSpan, ChartState, ChartView};
 pub use colouring::ColourBy;
@@ -68,7 +69,8 @@ pub use video::{VideoKind, VideoStatus};
 pub use view_model::{
     CityKind, DriverNames, PastView, PictureRequest, PictureSlot, ReplayView, ScenarioChoice, ViewModel,
 };
-pub use viewpoint::{Bookmark, Bookmarks, CameraMode, Viewpoint};
+pub use viewpoint::{Bookmark, Bookmarks, CameraMode, Flight, Viewpoint};
+pub use views::{MORE_VIEWS, MoreViews};
 
 use crate::cockpit::Devices;
 use city3d_protocol::snapshot::{FrameSnapshot, VehicleId};
@@ -197,6 +199,8 @@ pub struct OpenPanels {
     /// The editor of the scenario (Ctrl+E).
     #[serde(skip)]
     pub editor: bool,
+    /// Views beside the first one.
+    pub views: [bool; MORE_VIEWS],
 }
 
 impl Default for OpenPanels {
@@ -213,6 +217,7 @@ impl Default for OpenPanels {
             charts: false,
             inspector: false,
             editor: false,
+            views: [false; MORE_VIEWS],
         }
     }
 }
@@ -276,6 +281,10 @@ pub struct UiState {
     pub bookmarks: Bookmarks,
     /// Tools of the editor.
     pub editing: EditState,
+    /// Cameras of the views beside the first one.
+    pub views: MoreViews,
+    /// The preview of the first vehicle opens by itself; not once the user has chosen previews.
+    pub opens_preview: bool,
 }
 
 impl UiState {
@@ -310,6 +319,8 @@ impl UiState {
             measure: Measure::default(),
             bookmarks: Bookmarks::default(),
             editing: EditState::default(),
+            views: MoreViews::around(snapshot),
+            opens_preview: true,
         }
     }
 
@@ -323,11 +334,14 @@ impl UiState {
         (next.layout, next.open) = (std::mem::take(&mut self.layout), self.open);
         next.runs.start_page.fields = self.runs.start_page.fields.clone();
         next.runs.last_folder = self.runs.last_folder.take();
+        // Who has closed all previews wants none.
+        next.opens_preview = self.opens_preview || !self.previews.is_empty();
         next
     }
 
     /// Opens the preview of a vehicle, or closes it.
     pub fn toggle_preview(&mut self, vehicle: VehicleId) {
+        self.opens_preview = false;
         let count = self.previews.len();
         self.previews.retain(|preview| preview.vehicle != vehicle);
         if self.previews.len() == count {
@@ -385,6 +399,15 @@ impl UiState {
         self.notice = Some((text.into(), now_s + 6.0));
     }
 
+    /// Opens a preview where none was chosen: of the vehicle that the user drives or has selected, else of the first one.
+    fn open_first_preview(&mut self, seen: &FrameSnapshot) {
+        let first = self.driven().or(self.selection.vehicle).or(seen.vehicles.first().map(|v| v.id));
+        let first = first.filter(|id| seen.vehicle(*id).is_some());
+        if let Some(vehicle) = first.filter(|_| self.opens_preview && self.previews.is_empty()) {
+            (self.opens_preview, self.previews) = (false, vec![Preview::new(vehicle)]);
+        }
+    }
+
     /// Drops references to vehicles that have left.
     fn update(&mut self, shown: &ViewModel<'_>) {
         // A vehicle that was just added to the edited scenario is seen once the scenario is checked.
@@ -415,6 +438,7 @@ pub fn show(ui: &mut egui::Ui, state: &mut UiState, shown: &ViewModel<'_>) -> Ve
     theme::apply(ui.ctx(), state.preferences);
     state.pictures.clear();
     state.update(shown);
+    state.open_first_preview(&shown.run_state.now);
     if !state.open.events {
         // A closed list must not hide events.
         state.events.filter.clear();
@@ -422,7 +446,8 @@ pub fn show(ui: &mut egui::Ui, state: &mut UiState, shown: &ViewModel<'_>) -> Ve
     state.events.update(shown.events);
     palette::show(ui, state, shown, &mut actions);
     keys::act(ui, state, shown, &mut actions);
-    if state.viewpoint.ease(f64::from(ui.input(|input| input.stable_dt.min(0.1)))) {
+    let dt_s = f64::from(ui.input(|input| input.stable_dt.min(0.1)));
+    if state.viewpoint.ease(dt_s) | state.viewpoint.go_on_flying(dt_s) {
         ui.ctx().request_repaint();
     }
     if TimelineView::of(shown).is_played() {

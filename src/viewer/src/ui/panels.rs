@@ -2,7 +2,7 @@
 
 use super::{
     UiAction, UiState, ViewModel, charts, city, controllers, editing, events, inspector, layers, preview,
-    timeline, traffic, vehicles,
+    timeline, traffic, vehicles, views,
 };
 use egui::Ui;
 use serde::{Deserialize, Serialize};
@@ -31,6 +31,10 @@ pub enum Panel {
     Inspector,
     /// Vehicles of the scenario, while it is edited.
     Editor,
+    /// A large view beside the first one.
+    SecondView,
+    /// Another large view.
+    ThirdView,
 }
 
 /// Where a panel opens first.
@@ -44,6 +48,8 @@ pub(super) enum Home {
     Right,
     /// Over the city.
     Floating,
+    /// In a column of its own beside the city.
+    BesideCity,
 }
 
 /// What the layout knows of a panel.
@@ -58,7 +64,7 @@ pub(super) struct PanelEntry {
     pub show: fn(&mut Ui, &mut UiState, &ViewModel<'_>, &mut Vec<UiAction>),
 }
 
-pub(super) static ALL: [PanelEntry; 10] = [
+pub(super) static ALL: [PanelEntry; 12] = [
     PanelEntry {
         panel: Panel::City,
         title: "City",
@@ -152,6 +158,24 @@ pub(super) static ALL: [PanelEntry; 10] = [
         is_open: |state| state.open.editor,
         close: |state| state.open.editor = false,
         show: editing::show,
+    },
+    PanelEntry {
+        panel: Panel::SecondView,
+        title: "View 2",
+        home: Home::BesideCity,
+        size: [480.0, 360.0],
+        is_open: |state| state.open.views[0],
+        close: |state| state.open.views[0] = false,
+        show: |ui, state, shown, _| views::show(ui, state, shown, 0),
+    },
+    PanelEntry {
+        panel: Panel::ThirdView,
+        title: "View 3",
+        home: Home::BesideCity,
+        size: [480.0, 360.0],
+        is_open: |state| state.open.views[1],
+        close: |state| state.open.views[1] = false,
+        show: |ui, state, shown, _| views::show(ui, state, shown, 1),
     },
 ];
 

@@ -148,6 +148,8 @@ pub enum PictureSlot {
     City,
     /// The preview of this vehicle.
     Preview(VehicleId),
+    /// One of the views beside the first one, from 0.
+    View(usize),
 }
 
 /// A picture that the panels request for this frame.

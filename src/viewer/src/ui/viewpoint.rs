@@ -4,10 +4,12 @@
 
 mod bookmark;
 mod first_view;
+mod flight;
 #[cfg(test)]
 mod tests;
 
 pub use bookmark::{Bookmark, Bookmarks};
+pub use flight::Flight;
 
 use super::gaze::Gaze;
 use super::occlusion;
@@ -78,6 +80,8 @@ pub struct Viewpoint {
     gaze: Gaze,
     /// What the camera eases to.
     goal: Option<Goal>,
+    /// The camera path that is being flown.
+    flight: Option<Flight>,
 }
 
 /// Where the camera eases to.
@@ -140,6 +144,7 @@ impl Viewpoint {
             pitch_rad: -0.5,
             gaze: Gaze::default(),
             goal: None,
+            flight: None,
         }
     }
 

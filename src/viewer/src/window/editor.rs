@@ -2,9 +2,10 @@
 
 use super::scenario_info::ScenarioInfo;
 use crate::ui::EditView;
+use city3d_control::PARKED;
 use city3d_protocol::snapshot::{FrameSnapshot, VehicleId};
 use city3d_simulation::scenario::{
-    EditError, Experiment, Library, Overrides, ScenarioDocument, ScenarioError, ScenarioRequest, SourceError,
+    EditError, Library, Overrides, ScenarioDocument, ScenarioError, ScenarioRequest, SourceError,
     StatedVehicle, VehicleEdit, read_experiment,
 };
 use city3d_simulation::sim::World;
@@ -35,8 +36,6 @@ pub enum EditorError {
 
 /// A city as the edited scenario starts it.
 pub struct EditedCity {
-    /// The scenario, read.
-    pub experiment: Arc<Experiment>,
     /// What the panels show of it.
     pub info: ScenarioInfo,
     /// All vehicles at their starts.
@@ -137,11 +136,21 @@ impl ScenarioEditor {
 
     /// Adds a vehicle on a lane, with a name that is free; returns its id.
     pub fn add(&mut self, lane: String, at_m: f64) -> VehicleId {
+        self.put("vehicle", StatedVehicle { route: vec![lane], at_m, ..StatedVehicle::default() })
+    }
+
+    /// Adds a vehicle that is parked on a lane; returns its id.
+    pub fn add_obstacle(&mut self, lane: String, at_m: f64) -> VehicleId {
+        self.document.state_driver(PARKED, PARKED);
+        let driver = Some(PARKED.to_owned());
+        self.put("obstacle", StatedVehicle { driver, route: vec![lane], at_m, ..StatedVehicle::default() })
+    }
+
+    fn put(&mut self, kind: &str, vehicle: StatedVehicle) -> VehicleId {
         let is_taken = |name: &String| self.vehicles.iter().any(|vehicle| vehicle.name == *name);
-        let mut names = (self.vehicles.len() + 1..).map(|k| format!("vehicle{k}"));
+        let mut names = (self.vehicles.len() + 1..).map(|k| format!("{kind}{k}"));
         let name = names.find(|name| !is_taken(name)).unwrap_or_default();
-        let vehicle = StatedVehicle { name, route: vec![lane], at_m, ..StatedVehicle::default() };
-        let index = self.document.add_vehicle(&vehicle);
+        let index = self.document.add_vehicle(&StatedVehicle { name, ..vehicle });
         self.keep();
         self.vehicles.get(index).map_or_else(VehicleId::default, |vehicle| vehicle.id)
     }
@@ -294,7 +303,7 @@ fn check(name: &str, text: &str, library: &Library, overrides: Overrides) -> Out
     })?;
     let experiment = Arc::new(experiment);
     let start = Arc::new(World::new(Arc::clone(&experiment)).snapshot());
-    Ok(EditedCity { info: ScenarioInfo::of(&experiment), experiment, start })
+    Ok(EditedCity { info: ScenarioInfo::of(&experiment), start })
 }
 
 /// Writes a text so that the file is either the old one or the whole new one.
@@ -355,10 +364,10 @@ mod tests {
         let mut editor = editor("roundabout");
         settle(&mut editor);
         assert_eq!((there(&editor).len(), editor.is_changed()), (6, false));
-        let added = editor.add("west-street/south/inner/1".to_owned(), 1.5);
+        let added = editor.add("north-avenue/east/2".to_owned(), 1.5);
         assert_eq!((added, editor.view().can_undo, editor.is_changed()), (VehicleId(7), true, true));
         settle(&mut editor);
-        assert_eq!((there(&editor).len(), editor.view().problems.len()), (7, 0));
+        assert_eq!((there(&editor).len(), editor.view().problems), (7, &[] as &[String]));
         editor.change(added, VehicleEdit::Driver(Some("nobody".to_owned())));
         settle(&mut editor);
         let problem = &editor.view().problems[0];
@@ -371,7 +380,7 @@ mod tests {
         settle(&mut editor);
         assert_eq!((there(&editor).len(), editor.view().can_undo, editor.is_changed()), (6, false, false));
         editor.redo();
-        editor.move_to(added, "west-street/south/inner/1".to_owned(), 2.0);
+        editor.move_to(added, "north-avenue/east/2".to_owned(), 2.0);
         assert!(!editor.view().can_redo, "a change behind an undone one takes its place");
         settle(&mut editor);
         let stated = editor.view().vehicle(added).cloned().unwrap();
@@ -379,6 +388,11 @@ mod tests {
         editor.remove(VehicleId(1));
         settle(&mut editor);
         assert_eq!(there(&editor).len(), 6);
+        let lane = "south-boulevard/east/outer/1".to_owned();
+        let obstacle = editor.add_obstacle(lane, 3.0);
+        settle(&mut editor);
+        assert_eq!(editor.view().problems, &[] as &[String]);
+        assert_eq!(editor.city().unwrap().info.drivers[&obstacle], PARKED);
     }
 
     #[test]
@@ -386,8 +400,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let mut editor = editor("straight");
         assert_eq!(editor.file(), None);
-        let lane = editor.view().vehicles[0].route[0].clone();
-        editor.add(lane, 3.0);
+        editor.add("north-avenue/east/2".to_owned(), 1.0);
         let file = folder.path().join("mine.toml");
         editor.save(&file).unwrap();
         assert_eq!(std::fs::read_to_string(&file).unwrap(), editor.text());

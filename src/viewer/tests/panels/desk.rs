@@ -149,8 +149,12 @@ impl Desk {
         let now = Arc::new(now);
         let ids = || now.vehicles.iter().map(|v| v.id);
         let steering_geometry = SteeringGeometry { wheelbase_m: 3.0, steering_limit_rad: 0.7 };
+        let look = Look { preset: QualityPreset::Low, hours: 12.0 };
+        // A test opens the previews that it looks at.
+        let mut state = UiState::new(&now, look);
+        state.opens_preview = false;
         Self {
-            state: UiState::new(&now, Look { preset: QualityPreset::Low, hours: 12.0 }),
+            state,
             history: RunHistory::default(),
             past: None,
             chart: None,

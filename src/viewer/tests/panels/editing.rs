@@ -108,7 +108,7 @@ fn clicks_on_lanes_place_a_vehicle_and_draw_its_route() {
     let EditAction::Add { lane, at_m } = added else { panic!("{added:?}") };
     let found = map().lane_by_name(&lane).unwrap().curve.length();
     assert!(at_m >= 0.0 && at_m * 25.0 <= found, "{at_m} of {found}");
-    assert_eq!((at_m * 100.0).fract().abs().min(1.0 - (at_m * 100.0).fract().abs()) < 1e-6, true);
+    assert!(((at_m * 100.0).round() - at_m * 100.0).abs() < 1e-6, "{at_m} is no round number");
     // The new vehicle is selected by the viewer; its route is drawn next.
     assert_eq!(harness.state().state.editing.tool, EditTool::DrawRoute);
     click_at(&mut harness, at);

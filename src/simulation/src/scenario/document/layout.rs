@@ -28,13 +28,16 @@ pub fn set_route(table: &mut Table, lanes: &[String]) {
     while route.len() > kept {
         route.remove(route.len() - 1);
     }
+    // A comment behind the last lane belongs to the end of the list: it stays with its lane.
+    let end = if had_lines && kept < lanes.len() { comment_at_end(&mut route) } else { String::new() };
+    let mut comment = Some(end.as_str()).filter(|end| !end.is_empty());
     for lane in &lanes[kept..] {
         // An own layout for each: the usual one of `push` does not follow that of its neighbours.
         let mut lane = Value::from(lane);
         lane.decor_mut().set_prefix(match (had_lines, route.is_empty()) {
-            (true, _) => INDENT,
-            (false, true) => "",
-            (false, false) => " ",
+            (true, _) => format!("{}{INDENT}", comment.take().unwrap_or_default()),
+            (false, true) => String::new(),
+            (false, false) => " ".to_owned(),
         });
         route.push_formatted(lane);
     }
@@ -43,6 +46,16 @@ pub fn set_route(table: &mut Table, lanes: &[String]) {
         put_on_lines(&mut route);
     }
     replace_value(table, "route", Value::Array(route));
+}
+
+/// Takes a comment from the end of a list of lanes, with the space before it.
+fn comment_at_end(route: &mut Array) -> String {
+    let end = route.trailing().as_str().unwrap_or_default().to_owned();
+    let Some((comment, _)) = end.rsplit_once('\n').filter(|(comment, _)| comment.contains('#')) else {
+        return String::new();
+    };
+    route.set_trailing("\n");
+    comment.to_owned()
 }
 
 fn put_on_lines(route: &mut Array) {

@@ -118,6 +118,20 @@ impl ScenarioDocument {
         self.names_in("driver", &["default", HUMAN])
     }
 
+    /// States a `[driver]` of this name with a control algorithm, unless there is one of this name.
+    pub fn state_driver(&mut self, name: &str, controller: &str) {
+        let mut drivers = Table::new();
+        drivers.set_implicit(true);
+        let drivers = self.document.entry("driver").or_insert(Item::Table(drivers));
+        let Some(drivers) = drivers.as_table_mut().filter(|drivers| !drivers.contains_key(name)) else {
+            return;
+        };
+        let mut driver = Table::new();
+        driver.decor_mut().set_prefix("\n");
+        driver.insert("controller", value(controller));
+        drivers.insert(name, Item::Table(driver));
+    }
+
     fn names_in(&self, key: &str, always: &[&str]) -> Vec<String> {
         let tables = self.document.get(key).and_then(Item::as_table_like);
         let stated = tables.into_iter().flat_map(|tables| tables.iter()).map(|(name, _)| name.to_owned());

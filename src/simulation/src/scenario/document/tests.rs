@@ -168,3 +168,15 @@ fn a_file_without_vehicles_gets_its_first_and_inline_ones_are_left_alone() {
     let said = ScenarioDocument::parse("name = ").unwrap_err().to_string();
     assert!(said.contains("not TOML") && said.contains("line 1"), "{said}");
 }
+
+#[test]
+fn a_driver_is_stated_once_beside_the_others() {
+    let text = edited(|document| {
+        for _ in 0..2 {
+            document.state_driver("parked", "parked");
+        }
+        document.state_driver("slow", "idm");
+    });
+    let expected = "desired_speed_mps = 0.2\n\n[driver.parked]\ncontroller = \"parked\"\n";
+    assert_eq!(text, TEXT.replace("desired_speed_mps = 0.2\n", expected));
+}

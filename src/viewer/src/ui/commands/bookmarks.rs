@@ -1,6 +1,7 @@
 //! Actions on the stored cameras of the large view.
 
 use super::{Command, CommandContext, ctrl, registry};
+use crate::ui::Flight;
 use egui::Key;
 
 registry!(
@@ -22,7 +23,20 @@ registry!(
     SET_7 = Command::always("Set bookmark 7", &[ctrl(Key::Num7).with_shift()], |c| set(c, 7)),
     SET_8 = Command::always("Set bookmark 8", &[ctrl(Key::Num8).with_shift()], |c| set(c, 8)),
     SET_9 = Command::always("Set bookmark 9", &[ctrl(Key::Num9).with_shift()], |c| set(c, 9)),
+    FLY = Command::always("Fly along the bookmarks, or end the flight", &[], fly),
 );
+
+fn fly(context: &mut CommandContext<'_, '_>) {
+    let state = &mut *context.state;
+    if state.viewpoint.is_flying() {
+        state.viewpoint.end_flight();
+        return;
+    }
+    match Flight::along(&state.bookmarks) {
+        Some(flight) => state.viewpoint.begin_flight(flight),
+        None => state.say("Set two bookmarks first: Ctrl+Shift+1, Ctrl+Shift+2", context.now_s),
+    }
+}
 
 fn recall(context: &mut CommandContext<'_, '_>, number: u8) {
     let state = &mut *context.state;

@@ -16,6 +16,10 @@ registry!(
         editing::choose(c.state, EditTool::AddVehicle);
     })
     .only(is_editing),
+    OBSTACLE = Command::always("Add an obstacle: click where a vehicle is parked", &[key(Key::O)], |c| {
+        editing::choose(c.state, EditTool::AddObstacle);
+    })
+    .only(is_editing),
     ROUTE = Command::always("Draw the route of the selected vehicle", &[key(Key::T)], |c| {
         editing::choose(c.state, EditTool::DrawRoute);
     })
@@ -57,6 +61,7 @@ pub const GESTURES: &[(&str, &str)] = &[
 #[derive(Debug)]
 pub struct EditingCommands {
     pub add: &'static Command,
+    pub obstacle: &'static Command,
     pub route: &'static Command,
     pub remove: &'static Command,
     pub undo: &'static Command,
@@ -69,6 +74,7 @@ pub struct EditingCommands {
 /// The actions that the panel has buttons for.
 pub const EDITING: EditingCommands = EditingCommands {
     add: &ADD,
+    obstacle: &OBSTACLE,
     route: &ROUTE,
     remove: &REMOVE,
     undo: &UNDO,

@@ -25,6 +25,8 @@ registry!(
     SETTINGS = Command::always("Settings: theme, size, units", &[ctrl(Key::Comma)], |c| {
         c.state.open.settings = !c.state.open.settings;
     }),
+    SECOND_VIEW = Command::always("Show or hide a second view of the city", &[], |c| view(c, 0)),
+    THIRD_VIEW = Command::always("Show or hide a third view of the city", &[], |c| view(c, 1)),
     RESTORE_LAYOUT = Command::always("Restore the layout", &[], |c| c.state.restore_layout()),
     FLOAT_VEHICLES =
         Command::always("Float or dock the table of vehicles", &[], |c| float(c, Panel::Vehicles)),
@@ -37,6 +39,10 @@ registry!(
         c,
         Panel::Controllers
     )),
+    FLOAT_EDITOR = Command::always("Float or dock the editor", &[], |c| float(c, Panel::Editor)),
+    FLOAT_SECOND_VIEW =
+        Command::always("Float or dock the second view", &[], |c| float(c, Panel::SecondView)),
+    FLOAT_THIRD_VIEW = Command::always("Float or dock the third view", &[], |c| float(c, Panel::ThirdView)),
     FLOAT_INSPECTOR = Command::always("Float or dock the inspector", &[], |c| float(c, Panel::Inspector)),
     INSPECTOR =
         Command::always("Inspector: why the selected vehicle does what it does", &[key(Key::I)], |c| {
@@ -121,6 +127,11 @@ registry!(
 
 /// Panels and pages that the menu of the bar lists.
 pub static MENU: [&Command; 6] = [&VEHICLES, &CAMERAS, &EVENTS, &TRAFFIC, &CHARTS, &LAYERS];
+
+fn view(context: &mut CommandContext<'_, '_>, index: usize) {
+    let is_open = &mut context.state.open.views[index];
+    *is_open = !*is_open;
+}
 
 fn float(context: &mut CommandContext<'_, '_>, panel: Panel) {
     context.state.layout.toggle_floating(panel);

@@ -75,7 +75,10 @@ fn neighbour(shown: &ViewModel<'_>, from: Option<VehicleId>, forward: bool) -> O
 
 fn has_something_to_close(state: &UiState) -> bool {
     let is_following = state.selection.vehicle.is_some() || state.viewpoint.follow.is_some();
-    let is_busy = state.devices.learning().is_some() || state.measure.is_on || state.editing.is_busy();
+    let is_busy = state.devices.learning().is_some()
+        || state.measure.is_on
+        || state.editing.is_busy()
+        || state.viewpoint.is_flying();
     is_busy || state.first_to_close().is_some() || state.driving.is_some() || is_following
 }
 
@@ -92,6 +95,10 @@ fn close(context: &mut CommandContext<'_, '_>) {
     }
     if state.editing.is_busy() {
         state.editing.rest();
+        return;
+    }
+    if state.viewpoint.is_flying() {
+        state.viewpoint.end_flight();
         return;
     }
     if let Some(close) = state.first_to_close() {

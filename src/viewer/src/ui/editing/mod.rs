@@ -56,6 +56,13 @@ pub enum EditAction {
         /// Front-axle centre along the lane, laboratory metres.
         at_m: f64,
     },
+    /// Puts a parked vehicle on a lane, and selects it.
+    AddObstacle {
+        /// Name of the lane.
+        lane: String,
+        /// Front-axle centre along the lane, laboratory metres.
+        at_m: f64,
+    },
     /// Starts a vehicle elsewhere. Its route keeps its end.
     Move {
         /// The vehicle.
@@ -91,6 +98,8 @@ pub enum EditTool {
     Select,
     /// Puts a vehicle on a lane.
     AddVehicle,
+    /// Puts a parked vehicle on a lane.
+    AddObstacle,
     /// Adds a lane to the route of the selected vehicle.
     DrawRoute,
 }

@@ -73,6 +73,11 @@ fn tools(ui: &mut Ui, state: &mut UiState, edit: &EditView<'_>, actions: &mut Ve
         if ui.selectable_label(is_on, "Add vehicle").on_hover_text(tip).clicked() {
             choose(state, EditTool::AddVehicle);
         }
+        let is_on = state.editing.tool == EditTool::AddObstacle;
+        let tip = format!("Click a lane to park a vehicle in the way ({})", EDITING.obstacle.key());
+        if ui.selectable_label(is_on, "Add obstacle").on_hover_text(tip).clicked() {
+            choose(state, EditTool::AddObstacle);
+        }
         let is_on = state.editing.tool == EditTool::DrawRoute;
         let tip = format!("Click the lanes that it follows ({})", EDITING.route.key());
         let draw = ui.add_enabled(selected.is_some(), Button::selectable(is_on, "Draw route"));
@@ -201,7 +206,7 @@ fn number(
     id: &str,
     (value, range, unit): (f64, std::ops::RangeInclusive<f64>, &str),
 ) -> Option<f64> {
-    let kept = ui.id().with(("edited", id));
+    let kept = ui.scope_id().with(("edited", id));
     let mut new = ui.data(|data| data.get_temp::<f64>(kept)).unwrap_or(value);
     let field = ui.add(DragValue::new(&mut new).range(range).speed(0.01).max_decimals(3).suffix(unit));
     if field.dragged() || field.has_focus() {

@@ -60,6 +60,7 @@ pub fn click(
             // Where it goes is asked next.
             state.editing.tool = EditTool::DrawRoute;
         }
+        (EditTool::AddObstacle, _) => push(actions, EditAction::AddObstacle { lane: name, at_m }),
         (EditTool::DrawRoute, Some(vehicle)) => {
             let mut route = vehicle.route.clone();
             route.push(name);
@@ -118,6 +119,7 @@ pub fn paint(canvas: &Canvas<'_>, state: &UiState, shown: &ViewModel<'_>) {
     let selected = state.selection.vehicle.and_then(|id| edit.vehicle(id));
     let text = match (state.editing.tool, selected) {
         _ if state.editing.moving.is_some() => "Release the mouse on the lane where it starts".to_owned(),
+        (EditTool::AddObstacle, _) => "Click where a vehicle is parked in the way. Esc ends".to_owned(),
         (EditTool::AddVehicle, _) => "Click the lane where the vehicle starts. Esc ends".to_owned(),
         (EditTool::DrawRoute, Some(vehicle)) => {
             format!("Click the next lane of the route of {}. Esc ends", vehicle.name)

@@ -31,8 +31,11 @@ impl Default for Layout {
         };
         let (vehicles, below) = (tabs(&[Panel::Vehicles]), tabs(&panels::with_home(Home::BelowVehicles)));
         let (city, cameras) = (tabs(&[Panel::City]), tabs(&panels::with_home(Home::Right)));
+        // One below the other: side by side with the city each has the height that a column has.
+        let views = panels::with_home(Home::BesideCity).into_iter().map(|panel| tabs(&[panel])).collect();
         let left = tiles.insert_vertical_tile(vec![vehicles, below]);
-        let root = tiles.insert_horizontal_tile(vec![left, city, cameras]);
+        let views = tiles.insert_vertical_tile(views);
+        let root = tiles.insert_horizontal_tile(vec![left, city, views, cameras]);
         let tree = Tree::new(egui::Id::unique("layout"), root, tiles);
         let points = [(left.0, LEFT), (cameras.0, RIGHT)].into();
         let floating = panels::with_home(Home::Floating).into_iter().collect();

@@ -239,22 +239,18 @@ pub(super) fn show(ui: &Ui, panels: &mut RunPanels, lists: &StartLists, actions:
     match chosen {
         Some(Chosen::GoInto(folder)) => panel.go_into(&folder),
         Some(Chosen::Open(what)) => {
-            actions.push(match panel.purpose {
+            match panel.purpose {
                 FilePurpose::Open => {
                     let overrides = panels.start_page.fields.overrides().unwrap_or_default();
                     let hours = panels.start_page.fields.hours;
-                    UiAction::Open(OpenRequest { what, overrides, hours, starts: false })
+                    actions.push(UiAction::Open(OpenRequest { what, overrides, hours, starts: false }));
                 }
-                FilePurpose::Compare => UiAction::CompareWith(what),
+                FilePurpose::Compare => actions.push(UiAction::CompareWith(what)),
                 FilePurpose::SaveScenario { runs } => {
                     actions.push(UiAction::Edit(EditAction::SaveAs(what)));
-                    if !runs {
-                        panels.files = None;
-                        return;
-                    }
-                    UiAction::Edit(EditAction::Run)
+                    actions.extend(runs.then_some(UiAction::Edit(EditAction::Run)));
                 }
-            });
+            }
             panels.files = None;
             panels.start_page.is_open = false;
         }

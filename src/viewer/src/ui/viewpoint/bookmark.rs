@@ -36,6 +36,11 @@ impl Bookmarks {
         self.0.sort_by_key(|bookmark| bookmark.number);
     }
 
+    /// All stored cameras, by their numbers.
+    pub fn iter(&self) -> impl Iterator<Item = &Bookmark> {
+        self.0.iter()
+    }
+
     /// The camera that is stored under a number.
     pub fn get(&self, number: u8) -> Option<&Bookmark> {
         self.0.iter().find(|bookmark| bookmark.number == number)
@@ -60,7 +65,12 @@ impl Viewpoint {
 
     /// Goes to a stored camera. A vehicle that has left is not followed.
     pub fn recall(&mut self, bookmark: &Bookmark) {
-        *self = Self {
+        *self = Self::stored(bookmark);
+    }
+
+    /// A stored camera.
+    pub(super) fn stored(bookmark: &Bookmark) -> Self {
+        Self {
             mode: bookmark.mode,
             follow: bookmark.follow,
             rear: false,
@@ -76,6 +86,7 @@ impl Viewpoint {
             pitch_rad: bookmark.pitch_rad,
             gaze: Gaze::default(),
             goal: None,
-        };
+            flight: None,
+        }
     }
 }

@@ -24,6 +24,10 @@ impl ViewerState {
                 let added = editor.add(lane, at_m);
                 (self.state.selection.vehicle, self.state.table.reveal) = (Some(added), true);
             }
+            EditAction::AddObstacle { lane, at_m } => {
+                let added = editor.add_obstacle(lane, at_m);
+                (self.state.selection.vehicle, self.state.table.reveal) = (Some(added), true);
+            }
             EditAction::Move { vehicle, lane, at_m } => editor.move_to(vehicle, lane, at_m),
             EditAction::Change(vehicle, change) => editor.change(vehicle, change),
             EditAction::Remove(vehicle) => {

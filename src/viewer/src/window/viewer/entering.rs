@@ -235,7 +235,7 @@ impl ViewerState {
     }
 
     /// Puts a file at the top of the recent ones.
-    fn remember_file(&mut self, name: &str) {
+    pub(super) fn remember_file(&mut self, name: &str) {
         let path = Path::new(name);
         let Some(path) = std::path::absolute(path).ok().filter(|_| path.is_file()) else { return };
         let recent = &mut self.lists.recent;

@@ -21,6 +21,7 @@ impl ViewerState {
         state.previews = previews
             .filter_map(|(name, eye)| Some(Preview { eye: *eye, ..Preview::new(find(name)?) }))
             .collect();
+        state.opens_preview = views.is_none();
         state.bookmarks = settings.bookmarks.clone();
         // A driver keeps the chase view.
         if state.driving.is_none() {

@@ -1,0 +1,83 @@
+//! More large views of the city, each with a camera of its own, beside the first one.
+
+use super::viewpoint::{CameraMode, Viewpoint};
+use super::{PictureRequest, PictureSlot, UiState, ViewModel, city};
+use city3d_protocol::snapshot::FrameSnapshot;
+use city3d_sensors::PictureKind;
+use city3d_session::RunPhase;
+use egui::emath::GuiRounding as _;
+use egui::{Sense, Ui};
+
+/// Views besides the first one.
+pub const MORE_VIEWS: usize = 2;
+/// Of the pixels that a moving picture may have, those of a view beside the first one.
+const PIXEL_SHARE: u32 = 3;
+
+/// The cameras of the views besides the first one.
+#[derive(Clone, Debug)]
+pub struct MoreViews {
+    cameras: [Viewpoint; MORE_VIEWS],
+}
+
+impl MoreViews {
+    /// Cameras that look at all vehicles, from above and at an angle.
+    pub fn around(snapshot: &FrameSnapshot) -> Self {
+        let mut cameras = [(); MORE_VIEWS].map(|()| Viewpoint::around(snapshot));
+        cameras[0].set_mode(CameraMode::Overhead, None);
+        Self { cameras }
+    }
+
+    /// The camera of a view.
+    pub fn camera(&self, index: usize) -> &Viewpoint {
+        &self.cameras[index]
+    }
+}
+
+/// Shows one of the views.
+pub fn show(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>, index: usize) {
+    modes(ui, state, shown, index);
+    let pixels_per_point = ui.ctx().pixels_per_point();
+    let rect = ui.available_rect_before_wrap().round_to_pixels(pixels_per_point);
+    let response = ui.allocate_rect(rect, Sense::click_and_drag());
+    let camera = &mut state.views.cameras[index];
+    city::move_camera(ui, &response, camera);
+    camera.update(shown.interpolated);
+    camera.begin(shown.interpolated, shown.map, shown.control_zones);
+    let moves = shown.run_state.phase == RunPhase::Running || response.dragged();
+    let most = shown.most_moving_pixels.filter(|_| moves).map(|most| most / PIXEL_SHARE);
+    let extent = city::extent(rect, pixels_per_point, most);
+    camera.show_whole(shown.interpolated, extent, shown.walls);
+    let view = camera.view(shown.interpolated, extent);
+    let slot = PictureSlot::View(index);
+    state.pictures.push(PictureRequest { slot, view, kind: PictureKind::Rgb });
+    super::paint_picture(ui, rect, shown, slot);
+    if let Some(at) = response.interact_pointer_pos().filter(|_| response.clicked()) {
+        let canvas = super::layers::Canvas::new(ui, &view, rect);
+        state.selection.vehicle = city::pick(&canvas, shown, at);
+        state.table.reveal = state.selection.vehicle.is_some();
+    }
+}
+
+/// The modes of the camera, and whom it follows.
+fn modes(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>, index: usize) {
+    let selected = state.selection.vehicle;
+    let camera = &mut state.views.cameras[index];
+    ui.horizontal_wrapped(|ui| {
+        for mode in CameraMode::ALL {
+            if ui.selectable_label(camera.mode == mode, mode.label()).clicked() {
+                if matches!(mode, CameraMode::Chase | CameraMode::Onboard) {
+                    camera.follow = selected.or(camera.follow);
+                }
+                camera.set_mode(mode, selected);
+            }
+        }
+        let followed = camera.follow.and_then(|id| shown.interpolated.info(id));
+        if let Some(info) = followed {
+            ui.label(format!("{} {}", info.id, info.name));
+        }
+        let follow = ui.add_enabled(selected.is_some(), egui::Button::new("Follow").small());
+        if follow.on_hover_text("This view follows the selected vehicle").clicked() {
+            camera.follow(selected.and_then(|id| shown.interpolated.vehicle(id)));
+        }
+    });
+}
