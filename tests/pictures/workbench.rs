@@ -9,19 +9,20 @@ use glam::DVec2;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-/// A straight road of two lanes, one behind the other. Who is first heeds nobody; the other one is beyond the place where a
-/// third is put in the way.
+/// The last tick that a log surely has when its run has come to the end.
+const LAST_TICK: u64 = 2390;
+
+/// A straight road of two lanes, one behind the other. Who is first heeds nobody and is slower than the other one, until a third
+/// is put in the way.
 const SCENARIO: &str = r#"# A collision to come.
 name = "bench"
 map = "map.dxf"
 duration_s = 24.0
+collisions_forbidden = false
 
 [driver.blind]
 controller = "cruise"
-desired_speed_mps = 0.5 # as fast as in the city
-
-[driver.slow]
-desired_speed_mps = 0.02
+desired_speed_mps = 0.3 # slower than the others
 
 # Heeds nobody.
 [[vehicle]]
@@ -32,7 +33,6 @@ at_m = 0.3
 
 [[vehicle]]
 name = "last"
-driver = "slow"
 route = ["next"]
 at_m = 0.6
 "#;
@@ -44,6 +44,9 @@ fn draw(folder: &Path) -> PathBuf {
         let at = DVec2::new((from + to) / 2.0, 0.0);
         drawing.add("NAMES", EntityShape::Text { at, height: 0.02, text: name.to_owned() });
     }
+    // Where a road turns off, one lane ends and the next one begins.
+    let centre = DVec2::new(4.0, -0.8);
+    drawing.add("LANES", EntityShape::Arc { centre, radius: 0.8, from_deg: 0.0, to_deg: 90.0 });
     std::fs::write(folder.join("map.dxf"), drawing.to_dxf()).unwrap();
     let file = folder.join("bench.toml");
     std::fs::write(&file, SCENARIO).unwrap();
@@ -72,7 +75,8 @@ impl Bench<'_> {
 
     /// Opens a file by the dialog.
     fn choose_file(&self, file: &Path) {
-        // The folder is there already; the whole path takes its place.
+        // The first letter goes to the field; the whole path takes the place of what is in it.
+        self.key("x");
         self.key("ctrl+a");
         self.program.type_text(file.to_str().unwrap());
         self.key("Return");
@@ -80,38 +84,52 @@ impl Bench<'_> {
     }
 }
 
-/// A vehicle is put on the road, with a route over both lanes and the slow driver; returns where it starts.
-fn edit(bench: &Bench<'_>, file: &Path) -> f64 {
+/// A number that an edited file states, and what is behind it.
+fn at_m(text: &str) -> (f64, &str) {
+    let (number, rest) = text.split_once('\n').unwrap();
+    (number.parse().unwrap(), rest)
+}
+
+/// A vehicle is put on the road, with a route over both lanes, and an obstacle before the end of the first one.
+fn edit(bench: &Bench<'_>, file: &Path) {
     bench.key("ctrl+e");
     bench.key("4");
     bench.program.screenshot();
     bench.key("Insert");
     // The middle of the view is on the first lane, its right end on the second one.
-    let (middle, right) = ((725, 333), (955, 333));
-    bench.click(middle.0, middle.1);
+    bench.click(725, 333);
     bench.program.screenshot();
-    bench.click(right.0, right.1);
+    bench.click(955, 333);
     bench.key("Escape");
-    // A second change, which is taken back, and one that was taken back and is made again.
+    bench.key("o");
+    bench.click(845, 333);
+    bench.key("Escape");
+    // A change that is taken back, and one that is made again.
     bench.key("Delete");
-    bench.key("ctrl+z");
-    bench.key("ctrl+z");
-    bench.key("ctrl+shift+z");
+    for key in ["ctrl+z", "ctrl+z", "ctrl+shift+z"] {
+        bench.key(key);
+    }
     bench.program.screenshot();
     bench.key("ctrl+s");
     until("the saved file", || std::fs::read_to_string(file).unwrap() != SCENARIO);
+
     let text = std::fs::read_to_string(file).unwrap();
-    let added = text.strip_prefix(SCENARIO).unwrap_or_else(|| panic!("all else stays: {text}"));
-    let at_m: f64 = added.rsplit_once("at_m = ").unwrap().1.trim().parse().unwrap();
-    let expected =
-        format!("\n[[vehicle]]\nname = \"vehicle3\"\nroute = [\"road\", \"next\"]\nat_m = {at_m:?}\n");
-    assert_eq!(added, expected);
-    assert!((1.0..3.9).contains(&at_m), "{at_m}");
-    at_m
+    let all_else = SCENARIO.replace(" others\n", " others\n\n[driver.parked]\ncontroller = \"parked\"\n");
+    let added = text.strip_prefix(&all_else).unwrap_or_else(|| panic!("all else stays: {text}"));
+    let vehicle = "\n[[vehicle]]\nname = \"vehicle3\"\nroute = [\"road\", \"next\"]\nat_m = ";
+    let (first_m, rest) = at_m(added.strip_prefix(vehicle).unwrap_or_else(|| panic!("{added}")));
+    let obstacle = "\n[[vehicle]]\nname = \"obstacle4\"\ndriver = \"parked\"\nroute = [\"road\"]\nat_m = ";
+    let (second_m, rest) = at_m(rest.strip_prefix(obstacle).unwrap_or_else(|| panic!("{rest}")));
+    assert_eq!(rest, "");
+    assert!(1.0 < first_m && first_m + 0.4 < second_m && second_m < 4.0, "{first_m} {second_m}");
 }
 
-fn is_whole(folder: &Path) -> bool {
-    folder.join("summary.json").is_file()
+/// Waits until a run has come to its end; its files are finished when something else is shown.
+fn wait_for_end(bench: &Bench<'_>, run: u32) {
+    let log = bench.run(run).join("run.mcap");
+    until("the end of a run", || last_tick(&log).is_ok_and(|(tick, _)| tick >= LAST_TICK));
+    // What it came to is shown over the city.
+    bench.key("Escape");
 }
 
 fn use_bench(pixels_per_point: u32) {
@@ -131,29 +149,14 @@ fn use_bench(pixels_per_point: u32) {
     bench.program.screenshot();
     // The run before the change, to compare with.
     bench.key("space");
-    until("the end of the first run", || is_whole(&bench.run(1)));
-    bench.key("Escape");
+    wait_for_end(&bench, 1);
 
     edit(&bench, &file);
     bench.key("F5");
-    until("the end of the second run", || is_whole(&bench.run(2)));
-    bench.key("Escape");
-    let told = summary(&bench.run(2));
-    let collisions = events(&told, "collision");
-    assert!(told["collisions"].as_u64().unwrap() > 0 && !collisions.is_empty(), "{told}");
-    assert_eq!(summary(&bench.run(1))["collisions"].as_u64(), Some(0));
-    // Nothing but the file makes the run.
-    let alone = folder.join("alone");
-    let args = ["run", file.to_str().unwrap(), "--out", alone.to_str().unwrap()];
-    assert!(Command::new(CITY3D).args(args).status().unwrap().success());
-    assert_eq!(summary(&alone)["state_hash"], told["state_hash"]);
-
+    wait_for_end(&bench, 2);
     // To the collision, which is marked, and why it happened.
     bench.key("g");
-    let last = last_tick(&bench.run(2).join("run.mcap")).unwrap().0;
-    let at = bench.program.tick();
-    let near = (collisions[0].1 * 100.0) as u64;
-    assert!(at < last && at.abs_diff(near) < 50, "{at} of {last}, {near}");
+    let shown = bench.program.tick();
     bench.key("i");
     bench.program.screenshot();
 
@@ -176,12 +179,35 @@ fn use_bench(pixels_per_point: u32) {
     bench.key("ctrl+p");
     bench.program.type_text("Compare with another recorded run");
     bench.key("Return");
-    bench.program.screenshot();
+    let before = bench.program.screenshot();
+    // "Another folder ..."
+    bench.click(424, 139);
     bench.choose_file(&bench.run(1));
-    pause_ms(1500);
-    bench.program.screenshot();
+    until("the comparison", || {
+        let compared = bench.program.screenshot();
+        let table = before.enumerate_pixels().filter(|(x, y, _)| {
+            (380..900).contains(&(x / pixels_per_point)) && (150..480).contains(&(y / pixels_per_point))
+        });
+        let differing = table.filter(|(x, y, pixel)| compared.get_pixel(*x, *y) != *pixel).count();
+        differing > 4000 * pixels_per_point as usize
+    });
     bench.key("Escape");
     bench.program.quit();
+
+    let told = summary(&folder.join("log/run-2"));
+    let collisions = events(&told, "collision");
+    assert!(told["collisions"].as_u64().unwrap() > 0 && !collisions.is_empty(), "{told}");
+    assert_eq!(summary(&folder.join("log/run-1"))["collisions"].as_u64(), Some(0));
+    let first = (collisions[0].1 * 100.0) as u64;
+    assert!(shown.abs_diff(first) < 100, "tick {shown}, the collision is at {first}");
+    // Nothing but the file makes the run.
+    let alone = folder.join("alone");
+    let args = ["run", file.to_str().unwrap(), "--out", alone.to_str().unwrap()];
+    assert!(Command::new(CITY3D).args(args).status().unwrap().success());
+    let again = summary(&alone);
+    let outcome =
+        |of: &serde_json::Value| (of["simulated_s"].clone(), of["seed"].clone(), of["state_hash"].clone());
+    assert_eq!(outcome(&again), outcome(&told), "{}", told["vehicles"]);
 }
 
 #[test]

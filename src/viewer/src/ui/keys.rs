@@ -15,6 +15,9 @@ pub fn act(ui: &Ui, state: &mut UiState, shown: &ViewModel<'_>, actions: &mut Ve
     if state.runs.is_modal() && ui.input(|input| input.modifiers.command && input.key_pressed(Key::Q)) {
         actions.push(UiAction::Quit);
     }
+    if state.runs.is_modal() && ui.input(|input| input.key_pressed(Key::F12)) {
+        actions.push(UiAction::Screenshot);
+    }
     if state.palette.is_open || state.runs.is_modal() {
         return;
     }

@@ -77,7 +77,7 @@ impl Measure {
             _ => format!("Measure: {} in all. Click the next point, Esc ends", metres(self.length_m())),
         };
         let rect = canvas.rect();
-        let place = Pos2::new(rect.center().x, rect.bottom() - 24.0);
+        let place = Pos2::new(rect.center().x, rect.bottom() - 52.0);
         let size = egui::vec2(8.0, 4.0);
         let font = egui::FontId::proportional(13.0);
         let galley = canvas.painter().layout_no_wrap(text, font, Color32::WHITE);

@@ -407,7 +407,7 @@ impl OpenWindow {
             WindowRequest::Look | WindowRequest::Open(_) => self.load(request),
             WindowRequest::Screenshot => self.wants_shot = true,
             WindowRequest::Video(kind) => {
-                let file = unused(self.viewer.run_state().now.tick, "mp4");
+                let file = unused(self.viewer.interpolated().tick, "mp4");
                 self.videos.toggle(kind, &file, self.surface.extent());
             }
             WindowRequest::KeepDevices if self.remembers => {
@@ -492,7 +492,7 @@ impl OpenWindow {
 
     /// Writes a screenshot into the working folder.
     fn keep(&mut self, image: Result<Image, WindowError>) {
-        let file = unused(self.viewer.run_state().now.tick, "png");
+        let file = unused(self.viewer.interpolated().tick, "png");
         let written = image.and_then(|image| Ok(write_png(&file, &image)?));
         let whole = std::path::absolute(&file).unwrap_or(file);
         let said =

@@ -118,44 +118,29 @@ fn of_vehicle(
     ui.strong(format!("{id} {}", vehicle.name));
     let mut change = None;
     Grid::new("edited vehicle").num_columns(2).spacing([10.0, 4.0]).show(ui, |ui| {
-        ui.label("Name");
-        change = change.take().or(name(ui, vehicle, state));
-        ui.end_row();
-        ui.label("Type");
-        change = change.take().or(choice(
-            ui,
-            "type",
-            vehicle.vehicle_type.as_ref(),
-            edit.types,
-            VehicleEdit::Type,
-        ));
-        ui.end_row();
-        ui.label("Driver");
-        change = change.take().or(choice(
-            ui,
-            "driver",
-            vehicle.driver.as_ref(),
-            edit.drivers,
-            VehicleEdit::Driver,
-        ));
-        ui.end_row();
-        ui.label("Start").on_hover_text("Front axle along the first lane, laboratory metres");
-        let value = (vehicle.at_m, 0.0..=FARTHEST_M, " m (lab)");
-        change = change.take().or(number(ui, "at", value).map(VehicleEdit::At));
-        ui.end_row();
-        ui.label("Initial speed").on_hover_text("Laboratory metres per second");
+        let mut row = |ui: &mut Ui, edit: Option<VehicleEdit>| {
+            change = change.take().or(edit);
+            ui.end_row();
+        };
+        let edited = name(ui, vehicle, state);
+        row(ui, edited);
+        let edited = choice(ui, "Type", (vehicle.vehicle_type.as_ref(), edit.types), VehicleEdit::Type);
+        row(ui, edited);
+        let edited = choice(ui, "Driver", (vehicle.driver.as_ref(), edit.drivers), VehicleEdit::Driver);
+        row(ui, edited);
+        let tip = "Front axle along the first lane, laboratory metres";
+        let at_m = number(ui, ("Start", tip), (vehicle.at_m, 0.0..=FARTHEST_M, " m (lab)"));
+        row(ui, at_m.map(VehicleEdit::At));
         let value = (vehicle.speed_mps, 0.0..=FASTEST_MPS, " m/s (lab)");
-        change = change.take().or(number(ui, "speed", value).map(VehicleEdit::Speed));
-        ui.end_row();
+        let mps = number(ui, ("Initial speed", "Laboratory metres per second"), value);
+        row(ui, mps.map(VehicleEdit::Speed));
         ui.label("At its end");
         let mut leaves = vehicle.leaves;
-        if ui.checkbox(&mut leaves, "leaves the city").changed() {
-            change = Some(VehicleEdit::Leaves(leaves));
-        }
-        ui.end_row();
+        let is_changed = ui.checkbox(&mut leaves, "leaves the city").changed();
+        row(ui, is_changed.then_some(VehicleEdit::Leaves(leaves)));
         ui.label("Cameras");
-        change = change.take().or(cameras(ui, vehicle));
-        ui.end_row();
+        let edited = cameras(ui, vehicle);
+        row(ui, edited);
     });
     change = change.or(route(ui, vehicle));
     if let Some(change) = change {
@@ -169,7 +154,8 @@ fn name(ui: &mut Ui, vehicle: &StatedVehicle, state: &mut UiState) -> Option<Veh
         Some((id, typed)) if id == vehicle.id => typed,
         _ => vehicle.name.clone(),
     };
-    let field = ui.add(TextEdit::singleline(&mut typed).desired_width(150.0));
+    let label = ui.label("Name").id;
+    let field = ui.add(TextEdit::singleline(&mut typed).desired_width(150.0)).labelled_by(label);
     if field.lost_focus() {
         return (typed != vehicle.name && !typed.is_empty()).then_some(VehicleEdit::Name(typed));
     }
@@ -182,33 +168,36 @@ fn name(ui: &mut Ui, vehicle: &StatedVehicle, state: &mut UiState) -> Option<Veh
 /// A choice of names. The default is written as no key at all.
 fn choice(
     ui: &mut Ui,
-    id: &str,
-    stated: Option<&String>,
-    names: &[String],
+    label: &str,
+    (stated, names): (Option<&String>, &[String]),
     edit: fn(Option<String>) -> VehicleEdit,
 ) -> Option<VehicleEdit> {
     const DEFAULT: &str = "default";
     let present = stated.map_or(DEFAULT, String::as_str);
     let mut chosen = None;
-    ComboBox::from_id_salt(id).selected_text(present).show_ui(ui, |ui| {
+    let id = ui.label(label).id;
+    let list = ComboBox::from_id_salt(label).selected_text(present).show_ui(ui, |ui| {
         for name in names {
             if ui.selectable_label(name == present, name).clicked() && name != present {
                 chosen = Some(edit((name != DEFAULT).then(|| name.clone())));
             }
         }
     });
+    list.response.labelled_by(id);
     chosen
 }
 
 /// A number. While it is dragged it is kept aside, so that the whole drag is one change.
 fn number(
     ui: &mut Ui,
-    id: &str,
+    (label, tip): (&str, &str),
     (value, range, unit): (f64, std::ops::RangeInclusive<f64>, &str),
 ) -> Option<f64> {
-    let kept = ui.scope_id().with(("edited", id));
+    let kept = ui.scope_id().with(("edited", label));
     let mut new = ui.data(|data| data.get_temp::<f64>(kept)).unwrap_or(value);
-    let field = ui.add(DragValue::new(&mut new).range(range).speed(0.01).max_decimals(3).suffix(unit));
+    let label = ui.label(label).on_hover_text(tip).id;
+    let field = DragValue::new(&mut new).range(range).speed(0.01).max_decimals(3).suffix(unit);
+    let field = ui.add(field).labelled_by(label);
     if field.dragged() || field.has_focus() {
         ui.data_mut(|data| data.insert_temp(kept, new));
         return None;
@@ -246,7 +235,7 @@ fn route(ui: &mut Ui, vehicle: &StatedVehicle) -> Option<VehicleEdit> {
     let mut removed = None;
     for (k, lane) in vehicle.route.iter().enumerate() {
         ui.horizontal(|ui| {
-            let remove = ui.add_enabled(k > 0, Button::new("\u{2715}").small());
+            let remove = ui.add_enabled(k > 0, Button::new("x").small());
             if remove.on_hover_text("Take this lane out of the route").clicked() {
                 removed = Some(k);
             }

@@ -10,7 +10,6 @@ use city3d_roadmap::LaneId;
 use egui::{Align2, Color32, FontId, PointerButton, Pos2, Response, Vec2};
 use glam::DVec2;
 
-const COLOUR: Color32 = Color32::from_rgb(255, 220, 90);
 /// Starts are stated to this part of a laboratory metre.
 const PER_METRE: f64 = 100.0;
 /// Sampling step of the lane under the mouse.
@@ -108,9 +107,9 @@ pub fn add_overlay(to: &mut Overlay, state: &UiState, shown: &ViewModel<'_>, gro
     let count = (curve.length() / STEP_M).ceil().max(1.0) as u32;
     let point = |k: u32| curve.at(curve.length() * f64::from(k) / f64::from(count)).pose.position;
     let line: Vec<_> = (0..=count).map(|k| overlay::above(point(k))).collect();
-    to.polyline(&line, 4.0, overlay::paint(COLOUR, 0.9));
+    to.polyline(&line, 4.0, overlay::paint(overlay::EDITED, 0.9));
     let foot = curve.at(shown.scale().city_from_lab(place.at_m)).pose.position;
-    overlay::disc(to, foot, 0.9, overlay::paint(COLOUR, 1.0));
+    overlay::disc(to, foot, 0.9, overlay::paint(overlay::EDITED, 1.0));
 }
 
 /// Writes what the next click does.
@@ -127,7 +126,7 @@ pub fn paint(canvas: &Canvas<'_>, state: &UiState, shown: &ViewModel<'_>) {
         (EditTool::DrawRoute | EditTool::Select, _) => return,
     };
     let rect = canvas.rect();
-    let place = Pos2::new(rect.center().x, rect.bottom() - 24.0);
+    let place = Pos2::new(rect.center().x, rect.bottom() - 52.0);
     let galley = canvas.painter().layout_no_wrap(text, FontId::proportional(13.0), Color32::WHITE);
     let ground = Align2::CENTER_CENTER.anchor_size(place, galley.size());
     canvas.painter().rect_filled(ground.expand2(Vec2::new(8.0, 4.0)), 4.0, Color32::from_black_alpha(190));

@@ -17,6 +17,8 @@ const ZONE_TINT: f32 = 0.22;
 pub const LANE: Color32 = Color32::from_rgb(120, 220, 255);
 pub const MERGE: Color32 = Color32::from_rgb(255, 180, 60);
 pub const CROSSING: Color32 = Color32::from_rgb(255, 90, 80);
+/// Colour of what the editor's tools are at, and of the route that is drawn.
+pub const EDITED: Color32 = Color32::from_rgb(255, 220, 90);
 /// Routes of different vehicles lie beside one another: so many places, so far apart.
 const ROUTE_PLACES: u32 = 7;
 const ROUTE_SPACING_M: f64 = 0.4;
@@ -96,7 +98,8 @@ fn routes(overlay: &mut Overlay, state: &UiState, shown: &ViewModel<'_>) {
         selected.filter(|_| state.layers.routes || state.layers.all_routes || shown.edit.is_some())
     {
         route(overlay, shown, id, (6.0, paint(Color32::WHITE, 0.8)));
-        route(overlay, shown, id, (4.0, paint(body_colour(shown, id), 1.0)));
+        let colour = if shown.edit.is_some() { EDITED } else { body_colour(shown, id) };
+        route(overlay, shown, id, (4.0, paint(colour, 1.0)));
     }
 }
 

@@ -120,7 +120,12 @@ impl ViewerState {
     /// Runs of this window in its folder so far: those in one folder are numbered on.
     fn next_number(&self) -> u32 {
         match (&self.recording.logs, &self.source) {
-            (LogLocation::In(_), ViewedRun::Run(live)) => self.runs_before + live.run_state().run,
+            (LogLocation::In(_), ViewedRun::Run(live)) => {
+                let run_state = live.run_state();
+                // One that has not begun has no folder.
+                let waits = u32::from(run_state.phase == RunPhase::Ready);
+                self.runs_before + run_state.run.saturating_sub(waits)
+            }
             (LogLocation::In(_), ViewedRun::Log(_) | ViewedRun::Ended(_)) => self.runs_before,
             (LogLocation::Nowhere | LogLocation::OfTheUser, _) => 0,
         }
