@@ -146,7 +146,11 @@ const FREQUENCIES_HZ: [f64; 9] = [0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0
 #[test]
 fn every_controller_is_here_but_those_that_follow_nobody() {
     let tried = ["idm", "cacc", "ploeg"];
-    assert!(CONTROLLERS.iter().all(|name| ["cruise", "sinusoid"].contains(name) || tried.contains(name)));
+    assert!(
+        CONTROLLERS
+            .iter()
+            .all(|name| ["cruise", "sinusoid", "parked"].contains(name) || tried.contains(name))
+    );
 }
 
 #[test]
