@@ -100,6 +100,8 @@ fn a_served_city_is_watched_driven_and_reset_in_its_window() {
     watch_and_drive(&program, &address, folder);
     // Back to the start with the same vehicles; from there on nobody drives.
     program.key("ctrl+r");
+    // The question is there when what came after the key is drawn.
+    program.screenshot();
     program.key("Return");
     let second = folder.join("served/part-2/run.mcap");
     until("18 s of the second run", || tick(&second) > 1820);

@@ -331,6 +331,8 @@ fn a_user_starts_watches_drives_and_quits() {
     let differing = paused.pixels().zip(again.pixels()).filter(|(a, b)| a != b).count();
     assert!(differing < 1280 * 720 / 20, "nothing moves while paused: {differing} pixels differ");
     program.key("ctrl+r");
+    // The question is there when what came after the key is drawn.
+    program.screenshot();
     program.key("Return");
     display.xdotool(&["windowsize", "--sync", &program.window, "900", "600"]);
     pause_ms(500);

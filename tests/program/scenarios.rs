@@ -112,7 +112,12 @@ const CORPUS: &[(&str, usize, usize, &str)] = &[
     ("type_is_no_table", 3, 28, "default is 3; it must be a table"),
     ("unclosed_table", 3, 11, "unclosed array table, expected `]`"),
     ("unclosed_text", 1, 10, "invalid basic string, expected `\"`"),
-    ("unknown_controller", 4, 14, "no control algorithm \"autopilot\"; there are: cacc, cruise, idm, ploeg"),
+    (
+        "unknown_controller",
+        4,
+        14,
+        "no control algorithm \"autopilot\"; there are: cacc, cruise, idm, parked, ploeg",
+    ),
     ("unknown_driver", 7, 10, "driver \"me\" is not defined; there are: default, human"),
     ("unknown_key", 3, 1, "unknown key \"durations\"; did you mean \"duration_s\"?"),
     ("unknown_key_in_driver", 4, 1, "unknown key \"desired_speed\"; did you mean \"desired_speed_mps\"?"),

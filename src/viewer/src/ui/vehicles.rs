@@ -412,6 +412,7 @@ fn driver_words(name: &str) -> String {
         "cacc" => "CACC (cooperative adaptive cruise control)".to_owned(),
         "ploeg" => "CACC by Ploeg (platoon)".to_owned(),
         "cruise" => "cruise (constant speed)".to_owned(),
+        "parked" => "parked (an obstacle)".to_owned(),
         "human" => "a person".to_owned(),
         other => other.to_owned(),
     }
