@@ -102,7 +102,7 @@ fn decision(mainframe: &Mainframe, cav: &Cav, experiment: &Experiment) -> Option
         target_mps: scale.city_from_lab(cav.target_mps()),
         acceleration_mps2: scale.city_from_lab(cav.plan.acceleration_mps2),
         longitudinal_error_m: scale.city_from_lab(cav.plan.axle_s - cav.axle_s()),
-        measured: cav.pose.to_city(scale),
+        measured: Some(cav.pose.to_city(scale)),
     })
 }
 
