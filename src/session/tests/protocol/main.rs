@@ -9,7 +9,6 @@
 
 mod answers;
 mod compare;
-mod decisions;
 mod demand;
 mod ends;
 mod guest;
