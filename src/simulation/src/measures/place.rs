@@ -96,7 +96,7 @@ impl RoutePlace {
     }
 
     /// Whether a vehicle can have come from one position to another between two samples.
-    pub fn is_within_reach(&self, from_s: f64, to_s: f64) -> bool {
+    pub fn is_within_reach(from_s: f64, to_s: f64) -> bool {
         (-BACK_M..=REACH_M).contains(&(to_s - from_s))
     }
 

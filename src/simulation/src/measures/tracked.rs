@@ -234,17 +234,17 @@ impl Tracked {
             return;
         };
         let now = Station { time_s, front_s, speed_mps };
-        let last = self.station.replace(now);
-        if last.is_some_and(|last| !place.is_within_reach(last.front_s, front_s)) {
-            // Not by driving: what lies between was not driven.
-            self.trip.has_strayed = true;
-            self.drop_out(time_s, moves);
-            self.begin(now, moves);
-            return;
-        }
-        match last {
+        match self.station.replace(now) {
             None => self.begin(now, moves),
-            Some(last) => self.advance(last, now, moves),
+            Some(last) if RoutePlace::is_within_reach(last.front_s, front_s) => {
+                self.advance(last, now, moves);
+            }
+            // Not by driving: what lies between was not driven.
+            Some(_) => {
+                self.trip.has_strayed = true;
+                self.drop_out(time_s, moves);
+                self.begin(now, moves);
+            }
         }
     }
 

@@ -22,10 +22,13 @@ const SCROLL_STEP: f64 = 40.0;
 pub fn show(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>, actions: &mut Vec<UiAction>) {
     let rect = ui.available_rect_before_wrap().round_to_pixels(ui.ctx().pixels_per_point());
     let response = ui.allocate_rect(rect, Sense::click_and_drag());
-    let unmoved = state.viewpoint.view(shown.interpolated, super::pixels(rect.size(), 1.0));
-    let canvas = Canvas::new(ui, &unmoved, rect);
-    let picked = |at| pick(&canvas, shown, at);
-    if !editing::drag(&response, &canvas, picked, state, (shown, &mut *actions)) {
+    let moves_vehicle = shown.edit.is_some() && {
+        let unmoved = state.viewpoint.view(shown.interpolated, super::pixels(rect.size(), 1.0));
+        let canvas = Canvas::new(ui, &unmoved, rect);
+        let picked = |at| pick(&canvas, shown, at);
+        editing::drag(&response, &canvas, picked, state, (shown, &mut *actions))
+    };
+    if !moves_vehicle {
         move_camera(ui, &response, &mut state.viewpoint);
     }
     state.viewpoint.update(shown.interpolated);

@@ -3,7 +3,7 @@
 use super::layers::Canvas;
 use super::overlay;
 use city3d_render::Overlay;
-use egui::{Align2, Color32, Pos2, Rect};
+use egui::{Color32, Rect};
 use glam::DVec2;
 
 /// State of the measure tool.
@@ -76,14 +76,7 @@ impl Measure {
             0 => "Measure: click the first point. Esc ends".to_owned(),
             _ => format!("Measure: {} in all. Click the next point, Esc ends", metres(self.length_m())),
         };
-        let rect = canvas.rect();
-        let place = Pos2::new(rect.center().x, rect.bottom() - 52.0);
-        let size = egui::vec2(8.0, 4.0);
-        let font = egui::FontId::proportional(13.0);
-        let galley = canvas.painter().layout_no_wrap(text, font, Color32::WHITE);
-        let ground = Align2::CENTER_CENTER.anchor_size(place, galley.size());
-        canvas.painter().rect_filled(ground.expand2(size), 4.0, Color32::from_black_alpha(190));
-        canvas.painter().galley(ground.min, galley, Color32::WHITE);
+        canvas.hint(text);
     }
 }
 

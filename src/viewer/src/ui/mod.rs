@@ -367,11 +367,7 @@ impl UiState {
 
     /// Changes the mode of the large view; chase and onboard take the selected vehicle.
     pub fn set_mode(&mut self, mode: CameraMode) {
-        if matches!(mode, CameraMode::Chase | CameraMode::Onboard) {
-            self.viewpoint.follow = self.selection.vehicle.or(self.viewpoint.follow);
-        }
-        let nearest = self.selection.vehicle;
-        self.viewpoint.set_mode(mode, nearest);
+        self.viewpoint.choose_mode(mode, self.selection.vehicle);
     }
 
     /// All panels back in their usual places.

@@ -266,6 +266,14 @@ impl Viewpoint {
         self.target -= east * right_m + near * near_m;
     }
 
+    /// Changes the mode for whoever has selected a vehicle: chase and onboard take that one.
+    pub fn choose_mode(&mut self, mode: CameraMode, selected: Option<VehicleId>) {
+        if matches!(mode, CameraMode::Chase | CameraMode::Onboard) {
+            self.follow = selected.or(self.follow);
+        }
+        self.set_mode(mode, selected);
+    }
+
     /// Changes the mode and keeps about the same position. A mode that needs a vehicle takes `nearest`.
     pub fn set_mode(&mut self, mode: CameraMode, nearest: Option<VehicleId>) {
         if matches!(mode, CameraMode::Chase | CameraMode::Onboard) {

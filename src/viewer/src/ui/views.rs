@@ -26,11 +26,6 @@ impl MoreViews {
         cameras[0].set_mode(CameraMode::Overhead, None);
         Self { cameras }
     }
-
-    /// The camera of a view.
-    pub fn camera(&self, index: usize) -> &Viewpoint {
-        &self.cameras[index]
-    }
 }
 
 /// Shows one of the views.
@@ -65,10 +60,7 @@ fn modes(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>, index: usize) 
     ui.horizontal_wrapped(|ui| {
         for mode in CameraMode::ALL {
             if ui.selectable_label(camera.mode == mode, mode.label()).clicked() {
-                if matches!(mode, CameraMode::Chase | CameraMode::Onboard) {
-                    camera.follow = selected.or(camera.follow);
-                }
-                camera.set_mode(mode, selected);
+                camera.choose_mode(mode, selected);
             }
         }
         let followed = camera.follow.and_then(|id| shown.interpolated.info(id));

@@ -1,15 +1,16 @@
 //! The scenario that is edited: its text with all changes, the checks of it, and the city as it starts.
 
 use super::scenario_info::ScenarioInfo;
+use super::unused::unused;
 use crate::ui::EditView;
 use city3d_control::PARKED;
+use city3d_outputs::WholeFile;
 use city3d_protocol::snapshot::{FrameSnapshot, VehicleId};
 use city3d_simulation::scenario::{
     EditError, Library, Overrides, ScenarioDocument, ScenarioError, ScenarioRequest, SourceError,
     StatedVehicle, VehicleEdit, read_experiment,
 };
 use city3d_simulation::sim::World;
-use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, TryRecvError, channel};
@@ -202,48 +203,42 @@ impl ScenarioEditor {
     /// Where the file cannot be written; the one that was there stays.
     pub fn save(&mut self, path: &Path) -> Result<(), EditorError> {
         let unwritable = |reason| EditorError::Unwritable { path: path.to_path_buf(), reason };
-        write_whole(path, self.text()).map_err(unwritable)?;
+        WholeFile::write(path, self.text().as_bytes()).map_err(unwritable)?;
         self.saved = self.text().to_owned();
         self.name = path.display().to_string();
         self.file = Some(path.to_path_buf());
         self.library = Library::beside(path);
-        // Maps and models are looked for beside the new file.
+        // Maps and models are looked for beside the new file, whatever a check that goes on finds beside the old one.
+        self.check = None;
         self.checked.clear();
         self.poll();
         Ok(())
     }
 
-    /// Takes the result of a check, and begins the next one where the text has changed meanwhile. Returns whether the city
-    /// is another one.
-    pub fn poll(&mut self) -> bool {
-        let mut is_new = false;
+    /// Takes the result of a check, and begins the next one where the text has changed meanwhile.
+    pub fn poll(&mut self) {
         if let Some((text, result)) = &self.check {
-            match result.try_recv() {
-                Ok(outcome) => {
-                    self.checked.clone_from(text);
-                    self.problems = match outcome {
-                        Ok(city) => {
-                            (self.city, is_new) = (Some(city), true);
-                            Vec::new()
-                        }
-                        Err(problems) => problems,
-                    };
-                    self.check = None;
-                }
-                Err(TryRecvError::Empty) => {}
+            let outcome = match result.try_recv() {
+                Err(TryRecvError::Empty) => return,
+                Ok(outcome) => outcome,
                 // The check has panicked: a defect of ours, which must not take the text away.
                 Err(TryRecvError::Disconnected) => {
-                    self.checked.clone_from(text);
-                    self.problems =
-                        vec!["the scenario could not be checked: save it, and report this".to_owned()];
-                    self.check = None;
+                    Err(vec!["the scenario could not be checked: save it, and report this".to_owned()])
                 }
-            }
+            };
+            self.checked.clone_from(text);
+            self.check = None;
+            self.problems = match outcome {
+                Ok(city) => {
+                    self.city = Some(city);
+                    Vec::new()
+                }
+                Err(problems) => problems,
+            };
         }
-        if self.check.is_none() && self.checked != self.text() {
+        if self.checked != self.text() {
             self.begin_check();
         }
-        is_new
     }
 
     /// Checks the text on another thread.
@@ -258,9 +253,8 @@ impl ScenarioEditor {
             let _ = sender.send(check(&name, &text, &library, overrides));
             wake();
         };
-        if let Err(error) = std::thread::Builder::new().name("scenario check".to_owned()).spawn(check) {
-            self.problems = vec![format!("the scenario cannot be checked: {error}")];
-        }
+        // Without a thread nothing is ever sent, which is told as a check that failed.
+        let _ = std::thread::Builder::new().name("scenario check".to_owned()).spawn(check);
     }
 
     fn index(&self, id: VehicleId) -> Option<usize> {
@@ -306,32 +300,12 @@ fn check(name: &str, text: &str, library: &Library, overrides: Overrides) -> Out
     Ok(EditedCity { info: ScenarioInfo::of(&experiment), start })
 }
 
-/// Writes a text so that the file is either the old one or the whole new one.
-fn write_whole(path: &Path, text: &str) -> std::io::Result<()> {
-    let mut beside = path.as_os_str().to_owned();
-    beside.push(".part");
-    let beside = PathBuf::from(beside);
-    let written = std::fs::File::create(&beside).and_then(|mut file| {
-        file.write_all(text.as_bytes())?;
-        file.sync_all()
-    });
-    let written = written.and_then(|()| std::fs::rename(&beside, path));
-    if written.is_err() {
-        // What could not be written is no use; it may not even be there.
-        let _ = std::fs::remove_file(&beside);
-    }
-    written
-}
-
 /// Keeps the text of changes that were not saved; returns where.
 pub fn keep_unsaved(editor: &ScenarioEditor, folder: &Path) -> std::io::Result<PathBuf> {
     std::fs::create_dir_all(folder)?;
-    let stem = Path::new(&editor.name).file_stem().unwrap_or_default().to_string_lossy().into_owned();
-    let others = (2..).map(|k| format!("{stem}-{k}"));
-    let mut paths =
-        std::iter::once(stem.clone()).chain(others).map(|name| folder.join(format!("{name}.toml")));
-    let path = paths.find(|path| !path.exists()).unwrap_or_else(|| folder.join("unsaved.toml"));
-    write_whole(&path, editor.text())?;
+    let stem = Path::new(&editor.name).file_stem().unwrap_or_default().to_string_lossy();
+    let path = unused(folder, &stem, ".toml");
+    WholeFile::write(&path, editor.text().as_bytes())?;
     Ok(path)
 }
 

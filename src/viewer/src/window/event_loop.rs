@@ -7,6 +7,7 @@ use super::painter::{PaintTarget, WindowPainter};
 use super::recording::{RecordedRun, RecordingOptions};
 use super::settings::{load_profiles, save_profiles};
 use super::surface::WindowSurface;
+use super::unused::unused;
 use super::video::WindowVideos;
 use super::viewer::{ViewerState, WindowRequest};
 use super::{ViewSettings, WindowError, WindowOptions, WindowSubject};
@@ -407,7 +408,7 @@ impl OpenWindow {
             WindowRequest::Look | WindowRequest::Open(_) => self.load(request),
             WindowRequest::Screenshot => self.wants_shot = true,
             WindowRequest::Video(kind) => {
-                let file = unused(self.viewer.interpolated().tick, "mp4");
+                let file = unused_in_folder(self.viewer.interpolated().tick, ".mp4");
                 self.videos.toggle(kind, &file, self.surface.extent());
             }
             WindowRequest::KeepDevices if self.remembers => {
@@ -492,7 +493,7 @@ impl OpenWindow {
 
     /// Writes a screenshot into the working folder.
     fn keep(&mut self, image: Result<Image, WindowError>) {
-        let file = unused(self.viewer.interpolated().tick, "png");
+        let file = unused_in_folder(self.viewer.interpolated().tick, ".png");
         let written = image.and_then(|image| Ok(write_png(&file, &image)?));
         let whole = std::path::absolute(&file).unwrap_or(file);
         let said =
@@ -526,9 +527,6 @@ fn failed_title(what: &str) -> String {
 }
 
 /// An unused name for a file that shows a tick.
-fn unused(tick: u64, extension: &str) -> std::path::PathBuf {
-    let first = std::iter::once(format!("city3d-{tick}.{extension}"));
-    let others = (2..).map(|k| format!("city3d-{tick}-{k}.{extension}"));
-    let mut names = first.chain(others).map(std::path::PathBuf::from);
-    names.find(|name| !name.exists()).unwrap_or_else(|| format!("city3d-{tick}.{extension}").into())
+fn unused_in_folder(tick: u64, ending: &str) -> std::path::PathBuf {
+    unused(std::path::Path::new(""), &format!("city3d-{tick}"), ending)
 }

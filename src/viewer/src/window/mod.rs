@@ -16,6 +16,7 @@ mod recording;
 mod scenario_info;
 mod settings;
 mod surface;
+mod unused;
 mod video;
 mod viewer;
 

@@ -1,5 +1,6 @@
 //! Settings of the window that are stored between sessions, in the user's configuration folder.
 
+use super::unused::unused;
 use crate::cockpit::DeviceProfile;
 use crate::ui::{
     Bookmarks, CameraMode, Layers, Preferences, PreviewCamera, QualityPreset, StoredLayout, TableState,
@@ -135,9 +136,7 @@ pub fn log_folder(scenario: &str) -> Option<PathBuf> {
     let [year, month, day] = date(seconds / 86_400);
     let (hour, minute, second) = (seconds / 3600 % 24, seconds / 60 % 60, seconds % 60);
     let name = format!("{stem}-{year:04}{month:02}{day:02}-{hour:02}{minute:02}{second:02}");
-    let runs = runs_folder()?;
-    let others = (2..).map(|k| format!("{name}-{k}"));
-    std::iter::once(name.clone()).chain(others).map(|name| runs.join(name)).find(|folder| !folder.exists())
+    Some(unused(&runs_folder()?, &name, ""))
 }
 
 /// A folder of the user's: by a variable, else in the home folder, on Windows in `APPDATA`.

@@ -29,13 +29,12 @@ pub fn set_route(table: &mut Table, lanes: &[String]) {
         route.remove(route.len() - 1);
     }
     // A comment behind the last lane belongs to the end of the list: it stays with its lane.
-    let end = if had_lines && kept < lanes.len() { comment_at_end(&mut route) } else { String::new() };
-    let mut comment = Some(end.as_str()).filter(|end| !end.is_empty());
+    let mut comment = if kept < lanes.len() { comment_at_end(&mut route) } else { String::new() };
     for lane in &lanes[kept..] {
         // An own layout for each: the usual one of `push` does not follow that of its neighbours.
         let mut lane = Value::from(lane);
         lane.decor_mut().set_prefix(match (had_lines, route.is_empty()) {
-            (true, _) => format!("{}{INDENT}", comment.take().unwrap_or_default()),
+            (true, _) => std::mem::take(&mut comment) + INDENT,
             (false, true) => String::new(),
             (false, false) => " ".to_owned(),
         });

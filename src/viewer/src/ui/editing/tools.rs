@@ -7,13 +7,11 @@ use crate::ui::{UiAction, UiState, ViewModel};
 use city3d_protocol::snapshot::VehicleId;
 use city3d_render::Overlay;
 use city3d_roadmap::LaneId;
-use egui::{Align2, Color32, FontId, PointerButton, Pos2, Response, Vec2};
+use egui::{PointerButton, Pos2, Response};
 use glam::DVec2;
 
 /// Starts are stated to this part of a laboratory metre.
 const PER_METRE: f64 = 100.0;
-/// Sampling step of the lane under the mouse.
-const STEP_M: f64 = 2.0;
 
 /// A place on a lane.
 struct LanePlace {
@@ -103,11 +101,8 @@ pub fn add_overlay(to: &mut Overlay, state: &UiState, shown: &ViewModel<'_>, gro
         return;
     }
     let Some(place) = lane_at(shown, ground) else { return };
+    to.polyline(&overlay::whole_lane(shown.map, place.lane), 4.0, overlay::paint(overlay::EDITED, 0.9));
     let curve = &shown.map.lane(place.lane).curve;
-    let count = (curve.length() / STEP_M).ceil().max(1.0) as u32;
-    let point = |k: u32| curve.at(curve.length() * f64::from(k) / f64::from(count)).pose.position;
-    let line: Vec<_> = (0..=count).map(|k| overlay::above(point(k))).collect();
-    to.polyline(&line, 4.0, overlay::paint(overlay::EDITED, 0.9));
     let foot = curve.at(shown.scale().city_from_lab(place.at_m)).pose.position;
     overlay::disc(to, foot, 0.9, overlay::paint(overlay::EDITED, 1.0));
 }
@@ -125,10 +120,5 @@ pub fn paint(canvas: &Canvas<'_>, state: &UiState, shown: &ViewModel<'_>) {
         }
         (EditTool::DrawRoute | EditTool::Select, _) => return,
     };
-    let rect = canvas.rect();
-    let place = Pos2::new(rect.center().x, rect.bottom() - 52.0);
-    let galley = canvas.painter().layout_no_wrap(text, FontId::proportional(13.0), Color32::WHITE);
-    let ground = Align2::CENTER_CENTER.anchor_size(place, galley.size());
-    canvas.painter().rect_filled(ground.expand2(Vec2::new(8.0, 4.0)), 4.0, Color32::from_black_alpha(190));
-    canvas.painter().galley(ground.min, galley, Color32::WHITE);
+    canvas.hint(text);
 }

@@ -34,7 +34,7 @@ pub fn add(overlay: &mut Overlay, state: &UiState, shown: &ViewModel<'_>) {
     }
     if layers.lanes {
         for lane in &map.lanes {
-            overlay.polyline(&line(map, lane.id, whole(map, lane.id), 0.0), 1.2, paint(LANE, 0.7));
+            overlay.polyline(&whole_lane(map, lane.id), 1.2, paint(LANE, 0.7));
         }
     }
     routes(overlay, state, shown);
@@ -42,6 +42,11 @@ pub fn add(overlay: &mut Overlay, state: &UiState, shown: &ViewModel<'_>) {
 
 fn whole(map: &CityMap, lane: LaneId) -> (f64, f64) {
     (0.0, map.lane(lane).curve.length())
+}
+
+/// The centre line of a lane.
+pub fn whole_lane(map: &CityMap, lane: LaneId) -> Vec<DVec3> {
+    line(map, lane, whole(map, lane), 0.0)
 }
 
 /// A line along a lane, some metres to the left of its middle.

@@ -2,6 +2,8 @@
 
 use super::bookmark::{Bookmark, Bookmarks};
 use super::{CameraMode, Viewpoint};
+use city3d_protocol::snapshot::FrameSnapshot;
+use city3d_sensors::Lens;
 use glam::DVec3;
 use std::f64::consts::{FRAC_PI_2, PI};
 
@@ -50,12 +52,9 @@ fn turned(from: DVec3, to: DVec3, share: f64) -> DVec3 {
 fn stop(bookmark: &Bookmark) -> Option<[DVec3; 2]> {
     let camera = Viewpoint::stored(bookmark);
     match camera.mode {
-        CameraMode::Free => Some([camera.eye, camera.forward()]),
-        CameraMode::Orbit => {
-            let (sin, cos) = camera.azimuth_rad.sin_cos();
-            let (up, out) = camera.elevation_rad.sin_cos();
-            let away = DVec3::new(cos * out, sin * out, up);
-            Some([camera.target + DVec3::Z + away * camera.distance_m, -away])
+        CameraMode::Free | CameraMode::Orbit => {
+            let extrinsics = camera.view(&FrameSnapshot::default(), Lens::default().extent).extrinsics;
+            Some([extrinsics.position, -(extrinsics.orientation * DVec3::Z)])
         }
         // North stays above.
         CameraMode::Overhead => {
@@ -111,7 +110,6 @@ impl Viewpoint {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use city3d_protocol::snapshot::FrameSnapshot;
 
     #[test]
     fn the_camera_flies_from_bookmark_to_bookmark_and_stays_at_the_last() {

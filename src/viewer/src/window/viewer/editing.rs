@@ -3,7 +3,7 @@
 use super::{ViewedRun, ViewerState, WindowRequest};
 use crate::ui::runs::{FilePurpose, OpenRequest, Problem};
 use crate::ui::{EditAction, EditTool};
-use crate::window::editor::{EditorError, ScenarioEditor, keep_unsaved};
+use crate::window::editor::{ScenarioEditor, keep_unsaved};
 use crate::window::opening::Opening;
 use crate::window::settings::runs_folder;
 use city3d_session::{Order, RunPhase, RunState};
@@ -83,7 +83,7 @@ impl ViewerState {
                 self.remember_file(&file.to_string_lossy());
                 true
             }
-            Err(error @ (EditorError::Unwritable { .. } | EditorError::Source(_) | EditorError::Edit(_))) => {
+            Err(error) => {
                 self.state.runs.problem = Some(Problem::of_file("This cannot be saved", error.to_string()));
                 false
             }
