@@ -12,7 +12,7 @@ use super::{Controller, DriverParams, Drivers, LeaderState, OwnMotion, Route, Se
 use city3d_geometry::lab::Pose2;
 use city3d_protocol::snapshot::{Indicator, VehicleId};
 use city3d_protocol::wire::Measurement;
-use city3d_roadmap::{LabMap, LaneId};
+use city3d_roadmap::{LabMap, LaneId, LaneIndex};
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
@@ -317,7 +317,12 @@ impl Cav {
         }
     }
 
-    pub(super) fn update_pose(&mut self, map: &LabMap, now_s: f64, seen: &Measurement) {
+    pub(super) fn update_pose(
+        &mut self,
+        (map, lanes): (&LabMap, &LaneIndex),
+        now_s: f64,
+        seen: &Measurement,
+    ) {
         self.pose = seen.pose_in_lab();
         let speed_mps = match &mut self.estimate {
             None => {
@@ -339,7 +344,7 @@ impl Cav {
         if self.setup_speed_mps.is_none() || !off_route::has_left_route(map, self) {
             self.is_off_route = false;
         } else {
-            let way = off_route::route_from(map, self);
+            let way = off_route::route_from((map, lanes), self);
             self.is_off_route = way.is_none();
             if let Some(way) = way {
                 self.route = Arc::new(Route::new(map, &way, self.body, &self.driver));

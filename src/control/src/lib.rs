@@ -44,7 +44,7 @@ pub use signals::{
 
 use city3d_protocol::snapshot::{DecisionReason, VehicleId};
 use city3d_protocol::wire::{Measurement, Message};
-use city3d_roadmap::LabMap;
+use city3d_roadmap::{LabMap, LaneIndex};
 use coordination::filter::SafetyFilter;
 use coordination::platoon::{PlatoonParams, Platoons};
 use coordination::{CoordinationReport, ZoneCoordination};
@@ -89,6 +89,8 @@ pub enum SetupError {
 #[derive(Debug)]
 pub struct Mainframe {
     map: Arc<LabMap>,
+    /// Its lanes by place.
+    lanes: LaneIndex,
     /// In id order.
     cavs: Vec<Cav>,
     occupancy: Occupancy,
@@ -149,6 +151,7 @@ impl Mainframe {
         Ok(Self {
             right_of_way: RightOfWay::new(rules.right_of_way, &map),
             coordination,
+            lanes: LaneIndex::new(&map),
             map,
             cavs,
             occupancy: Occupancy::default(),
@@ -225,12 +228,12 @@ impl Mainframe {
     pub fn step(&mut self, time_s: f64, arrived: &[Measurement], messages: &mut Vec<Message>) {
         for seen in arrived {
             if let Ok(index) = self.cavs.binary_search_by_key(&seen.vehicle, |cav| cav.id) {
-                self.cavs[index].update_pose(&self.map, time_s, seen);
+                self.cavs[index].update_pose((&self.map, &self.lanes), time_s, seen);
             } else {
                 self.strangers.update(seen);
             }
         }
-        self.strangers.advance_to(&self.map, time_s);
+        self.strangers.advance_to((&self.map, &self.lanes), time_s);
         if self.still_estimates(time_s) {
             return;
         }
@@ -239,7 +242,7 @@ impl Mainframe {
         for cav in &mut self.cavs {
             cav.advance_to(time_s);
         }
-        self.occupancy.fill(&self.map, &self.cavs);
+        self.occupancy.fill((&self.map, &self.lanes), &self.cavs);
         if let Some(coordination) = &mut self.coordination {
             coordination.update(time_s, &mut self.cavs);
         }

@@ -3,7 +3,7 @@
 
 use super::Cav;
 use city3d_geometry::wrap_angle;
-use city3d_roadmap::{LabMap, LaneId};
+use city3d_roadmap::{LabMap, LaneId, LaneIndex};
 
 /// Lateral distance at which a front axle has left its route, laboratory metres: more than half a lane.
 const LEFT_M: f64 = 0.1;
@@ -28,8 +28,8 @@ pub fn has_left_route(map: &LabMap, cav: &Cav) -> bool {
 }
 
 /// The route from the present lane, rejoining the old one if possible; `None` on no lane.
-pub fn route_from(map: &LabMap, cav: &Cav) -> Option<Vec<LaneId>> {
-    let lane = lane_under(map, cav)?;
+pub fn route_from((map, lanes): (&LabMap, &LaneIndex), cav: &Cav) -> Option<Vec<LaneId>> {
+    let lane = lane_under((map, lanes), cav)?;
     let lanes = cav.route.lanes();
     let rejoin = (cav.route.index_at(cav.measured_s()) + REJOIN_LANES).min(lanes.len() - 1);
     let can_drive = |lane: LaneId| map.min_radius(lane) >= cav.body.min_turn_radius_m;
@@ -44,9 +44,10 @@ pub fn route_from(map: &LabMap, cav: &Cav) -> Option<Vec<LaneId>> {
     })
 }
 
-fn lane_under(map: &LabMap, cav: &Cav) -> Option<LaneId> {
+fn lane_under((map, lanes): (&LabMap, &LaneIndex), cav: &Cav) -> Option<LaneId> {
     let axle = cav.pose.point_at(cav.body.front_axle_m(), 0.0);
-    let near = map.lanes.iter().filter_map(|lane| {
+    let near = lanes.near(axle, ON_LANE_M).into_iter().filter_map(|lane| {
+        let lane = map.lane(lane);
         let foot = lane.curve.project(axle);
         let turn = wrap_angle(cav.pose.yaw_rad - lane.curve.at(foot.s).pose.yaw_rad).abs();
         let is_on =

@@ -5,7 +5,7 @@ use city3d_estimation::{MotionEstimate, MotionFilter, NoiseModel};
 use city3d_geometry::{Lab, wrap_angle};
 use city3d_protocol::snapshot::VehicleId;
 use city3d_protocol::wire::Measurement;
-use city3d_roadmap::{LabMap, LaneId};
+use city3d_roadmap::{LabMap, LaneId, LaneIndex};
 use std::collections::BTreeMap;
 
 /// Half of the length and of the width that strangers are taken to have: those of the laboratory's largest cars.
@@ -45,15 +45,15 @@ impl Strangers {
     }
 
     /// Finds them on the lanes at a time.
-    pub fn advance_to(&mut self, map: &LabMap, time_s: f64) {
+    pub fn advance_to(&mut self, (map, lanes): (&LabMap, &LaneIndex), time_s: f64) {
         self.on_lanes.clear();
         self.filters.retain(|_, filter| {
             filter.last_stamp_s().is_some_and(|stamp_s| time_s - stamp_s < FORGOTTEN_AFTER_S)
         });
         for motion in self.filters.values().filter_map(|filter| filter.at(time_s)) {
-            for lane in &map.lanes {
-                if let Some(occupant) = occupant(lane, &motion) {
-                    self.on_lanes.entry(lane.id).or_default().push(occupant);
+            for lane in lanes.near(motion.pose.position, reach_m(lanes.widest_m())) {
+                if let Some(occupant) = occupant(map.lane(lane), &motion) {
+                    self.on_lanes.entry(lane).or_default().push(occupant);
                 }
             }
         }
@@ -89,10 +89,15 @@ impl Strangers {
     }
 }
 
+/// From the centre line of a lane, how far the middle of a stranger on it may be.
+fn reach_m(width_m: f64) -> f64 {
+    width_m / 2.0 + HALF_WIDTH_M / 2.0
+}
+
 /// Where a stranger is on a lane; `None` where it is not on it.
 fn occupant(lane: &city3d_roadmap::Lane<Lab>, motion: &MotionEstimate<Lab>) -> Option<Occupant> {
     let foot = lane.curve.project(motion.pose.position);
-    if foot.distance > lane.width_m / 2.0 + HALF_WIDTH_M / 2.0 {
+    if foot.distance > reach_m(lane.width_m) {
         return None;
     }
     let angle = wrap_angle(motion.pose.yaw_rad - lane.curve.at(foot.s).pose.yaw_rad).abs();

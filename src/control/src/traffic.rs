@@ -1,7 +1,7 @@
 //! Lane occupancy and leaders on the lane graph.
 
 use super::{Cav, LeaderState};
-use city3d_roadmap::LabMap;
+use city3d_roadmap::{LabMap, LaneIndex};
 
 /// A vehicle on a lane: arc lengths of its front and rear bumper along that lane. A vehicle across a lane's
 /// end is listed on both lanes, with arc lengths beyond their ends.
@@ -37,12 +37,12 @@ const OBSTACLE_MARGIN_M: f64 = 0.05;
 
 impl Occupancy {
     /// Lists the vehicles anew. One that is on no lane blocks every lane within its reach.
-    pub fn fill(&mut self, map: &LabMap, cavs: &[Cav]) {
+    pub fn fill(&mut self, (map, lanes): (&LabMap, &LaneIndex), cavs: &[Cav]) {
         self.on_lane.resize_with(map.lanes.len(), Vec::new);
         self.on_lane.iter_mut().for_each(Vec::clear);
         for (vehicle, cav) in cavs.iter().enumerate().filter(|(_, cav)| cav.is_seen()) {
             if !cav.is_on_route() {
-                self.add_obstacle(map, vehicle, cav);
+                self.add_obstacle((map, lanes), vehicle, cav);
                 continue;
             }
             let (rear_s, front_s) = (cav.rear_s(), cav.front_s());
@@ -57,13 +57,13 @@ impl Occupancy {
     }
 
     /// Adds a vehicle that is on no lane, or across some, to all lanes within reach.
-    fn add_obstacle(&mut self, map: &LabMap, vehicle: usize, cav: &Cav) {
+    fn add_obstacle(&mut self, (map, lanes): (&LabMap, &LaneIndex), vehicle: usize, cav: &Cav) {
         let reach_m = cav.body.length_m / 2.0;
-        for lane in &map.lanes {
-            let foot = lane.curve.project(cav.pose.position);
+        for lane in lanes.near(cav.pose.position, reach_m + OBSTACLE_MARGIN_M) {
+            let foot = map.lane(lane).curve.project(cav.pose.position);
             if foot.distance < reach_m + OBSTACLE_MARGIN_M {
                 let occupant = LaneOccupant { vehicle, front_m: foot.s + reach_m, rear_m: foot.s - reach_m };
-                self.on_lane[lane.id.index()].push(occupant);
+                self.on_lane[lane.index()].push(occupant);
             }
         }
     }

@@ -5,6 +5,7 @@ mod build;
 pub mod dxf;
 mod error;
 mod grid;
+mod lane_index;
 pub mod layers;
 mod map;
 mod repair;
@@ -14,6 +15,7 @@ pub use across::LEFT_TURN_RAD;
 pub use build::{DEFAULT_SPEED_MPS, JOIN_TOLERANCE_M, LANE_WIDTH_M, LoadedMap, load_map, map_of_drawing};
 pub use error::{MapError, MapErrorKind, MapErrors, MapNote};
 pub use grid::{Grid, GridArm, GridControl, GridError, GridSize};
+pub use lane_index::LaneIndex;
 pub use map::{
     CityMap, ConflictZone, ControlLine, ControlLineKind, Footprint, LabMap, Lane, LaneId, LaneKind,
     PlacedModel, RoadMap, Scenery, SceneryKind, SignalHead, ZoneId, ZoneKind, ZoneSide,

@@ -1,12 +1,13 @@
 //! A run as read from its log, or as it is seen while it goes on: the input of figures and tables.
 
-use super::track::{LaneBoxes, MatchedPath};
+use super::track::MatchedPath;
 use crate::record::{LogEntry, LogOrigin, LogReader, NetworkCommand, RecordError};
 use city3d_geometry::Pose2;
 use city3d_protocol::snapshot::{
     Dimensions, Event, SimCommand, Status, Trajectory, VehicleId, VehicleInfo, VehicleState,
 };
 use city3d_protocol::wire::Body;
+use city3d_roadmap::LaneIndex;
 use city3d_simulation::environment::EnvironmentSpec;
 use city3d_simulation::scenario::Experiment;
 use glam::DVec2;
@@ -216,11 +217,11 @@ impl TraceBuilder {
     pub fn finish(self, origin: LogOrigin) -> RunLog {
         let Self { experiment, traces, end_s, has_physical, .. } = self;
         let mut vehicles: Vec<Trace> = traces.into_values().collect();
-        let bounds = LaneBoxes::of(&experiment.city_map);
+        let lanes = LaneIndex::new(&experiment.city_map);
         for trace in &mut vehicles {
             let axle_m = trace.dimensions.front_axle_m();
             let poses: Vec<Pose2> = trace.samples.iter().map(|sample| sample.pose.advanced(axle_m)).collect();
-            trace.track = MatchedPath::of(&experiment.city_map, &bounds, &poses);
+            trace.track = MatchedPath::of(&experiment.city_map, &lanes, &poses);
             if !origin.has_world() {
                 // Logs of poses have no desired path: the offset from the lane centre replaces the lateral error.
                 let lateral = trace.track.lateral_m.iter();

@@ -3,8 +3,7 @@
 //! A hidden Markov model (Newson and Krumm 2009), decoded by the Viterbi algorithm.
 
 use city3d_geometry::{Pose2, trig, wrap_angle};
-use city3d_roadmap::{CityMap, LaneId};
-use glam::DVec2;
+use city3d_roadmap::{CityMap, LaneId, LaneIndex};
 
 /// A lane that was driven, city metres.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -72,8 +71,8 @@ struct ReachableLane {
 
 impl MatchedPath {
     /// The most likely path of a vehicle, from successive poses of its front-axle centre.
-    pub fn of(map: &CityMap, bounds: &LaneBoxes, poses: &[Pose2]) -> Self {
-        let nodes = nodes(map, bounds, poses);
+    pub fn of(map: &CityMap, lanes: &LaneIndex, poses: &[Pose2]) -> Self {
+        let nodes = nodes(map, lanes, poses);
         let mut track = Self {
             visits: Vec::new(),
             stations_m: vec![f64::NAN; poses.len()],
@@ -160,7 +159,7 @@ fn moved(poses: &[Pose2], from: &TrellisNode, to: &TrellisNode) -> f64 {
 }
 
 /// Forward pass of the Viterbi algorithm: nodes with their candidates and the best way to each.
-fn nodes(map: &CityMap, bounds: &LaneBoxes, poses: &[Pose2]) -> Vec<TrellisNode> {
+fn nodes(map: &CityMap, lanes: &LaneIndex, poses: &[Pose2]) -> Vec<TrellisNode> {
     let mut nodes: Vec<TrellisNode> = Vec::new();
     for (index, pose) in poses.iter().enumerate() {
         let is_due =
@@ -168,8 +167,9 @@ fn nodes(map: &CityMap, bounds: &LaneBoxes, poses: &[Pose2]) -> Vec<TrellisNode>
         if !is_due && index + 1 < poses.len() {
             continue;
         }
+        let near = lanes.near(pose.position, NEAR_M);
         let mut candidates: Vec<LaneCandidate> =
-            bounds.near(pose.position).filter_map(|lane| candidate(map, lane, pose)).collect();
+            near.into_iter().filter_map(|lane| candidate(map, lane, pose)).collect();
         if candidates.is_empty() {
             continue;
         }
@@ -246,30 +246,4 @@ fn ahead(map: &CityMap, from: &LaneCandidate, moved_m: f64) -> Vec<ReachableLane
         next += 1;
     }
     found
-}
-
-/// Bounding boxes of the lanes of a map: a broad phase for the search of candidates.
-#[derive(Clone, Debug)]
-pub struct LaneBoxes(Vec<(LaneId, DVec2, DVec2)>);
-
-impl LaneBoxes {
-    /// Boxes around the lanes of a map, with a margin for the largest distance of a candidate.
-    pub fn of(map: &CityMap) -> Self {
-        let around = |lane: &city3d_roadmap::Lane| {
-            let (mut low, mut high) = (DVec2::INFINITY, DVec2::NEG_INFINITY);
-            for (_, point) in lane.curve.sample(1.0) {
-                low = low.min(point.pose.position - NEAR_M - 0.5);
-                high = high.max(point.pose.position + NEAR_M + 0.5);
-            }
-            (lane.id, low, high)
-        };
-        Self(map.lanes.iter().map(around).collect())
-    }
-
-    fn near(&self, point: DVec2) -> impl Iterator<Item = LaneId> {
-        let holds = move |(_, low, high): &&(LaneId, DVec2, DVec2)| {
-            point.cmpge(*low).all() && point.cmple(*high).all()
-        };
-        self.0.iter().filter(holds).map(|(lane, ..)| *lane)
-    }
 }

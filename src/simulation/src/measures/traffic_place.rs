@@ -4,14 +4,14 @@
 use super::surrogate::Following;
 use city3d_geometry::{Pose2, wrap_angle};
 use city3d_protocol::snapshot::{FrameSnapshot, VehicleId, VehicleInfo, VehicleState};
-use city3d_roadmap::{CityMap, LaneId};
+use city3d_roadmap::{CityMap, LaneId, LaneIndex};
 use glam::DVec2;
 use std::collections::VecDeque;
 
-/// Bounding boxes of the lanes of a map, as a broad phase of map matching.
+/// Finds the lanes of a map by place: map matching of single poses.
 #[derive(Clone, Debug, Default)]
 pub struct LaneFinder {
-    boxes: Vec<(LaneId, [DVec2; 2])>,
+    lanes: LaneIndex,
 }
 
 /// A pose on a lane.
@@ -73,27 +73,14 @@ const OFF_ROUTE_M: f64 = 1.5;
 const MOST_LANES: usize = 64;
 
 impl LaneFinder {
-    /// Boxes of the lanes of a map.
+    /// Finds lanes of this map.
     pub fn new(map: &CityMap) -> Self {
-        let of = |lane: &city3d_roadmap::Lane| {
-            let points = lane.curve.sample(2.0).into_iter().map(|(_, point)| point.pose.position);
-            let (low, high) = points.fold((DVec2::INFINITY, DVec2::NEG_INFINITY), |(low, high), point| {
-                (low.min(point), high.max(point))
-            });
-            (lane.id, [low - ON_LANE_M, high + ON_LANE_M])
-        };
-        Self { boxes: map.lanes.iter().map(of).collect() }
-    }
-
-    /// The lanes near a point, in the order of the map.
-    fn near(&self, point: DVec2) -> impl Iterator<Item = LaneId> + '_ {
-        let is_inside = move |[low, high]: [DVec2; 2]| point.cmpge(low).all() && point.cmple(high).all();
-        self.boxes.iter().filter(move |(_, bounds)| is_inside(*bounds)).map(|(lane, _)| *lane)
+        Self { lanes: LaneIndex::new(map) }
     }
 
     /// The nearest lane under a point, whichever way it leads, within half its width.
     pub fn lane_under(&self, map: &CityMap, point: DVec2) -> Option<(LaneId, f64)> {
-        let under = self.near(point).filter_map(|lane| {
+        let under = self.lanes.near(point, ON_LANE_M).into_iter().filter_map(|lane| {
             let (foot, lane) = (map.lane(lane).curve.project(point), map.lane(lane));
             (foot.distance <= lane.width_m / 2.0).then_some((lane.id, foot.s, foot.distance))
         });
@@ -102,7 +89,7 @@ impl LaneFinder {
 
     /// Map matching of a single pose: the lane that fits best in place and direction, of the route where one does.
     pub fn lane_pose(&self, map: &CityMap, pose: &Pose2, route: &[LaneId]) -> Option<LanePose> {
-        let fits = self.near(pose.position).filter_map(|lane| {
+        let fits = self.lanes.near(pose.position, ON_LANE_M).into_iter().filter_map(|lane| {
             let curve = &map.lane(lane).curve;
             let foot = curve.project(pose.position);
             let turn_rad = wrap_angle(pose.yaw_rad - curve.at(foot.s).pose.yaw_rad);
