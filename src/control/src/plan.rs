@@ -31,12 +31,13 @@ pub fn trajectory(map: &LabMap, cav: &mut Cav, now_s: f64) -> Trajectory<Lab> {
     // A vehicle follows its last trajectory until the link times out: the end has to lie before the place of waiting.
     let wait_s = cav.axle_s() + cav.wait_m;
     let (mut s, mut speed_mps, mut last_s) = (cav.plan.axle_s, cav.plan.speed_mps, 0.0);
+    let mut at = cav.route.along(map, s);
     for offset_s in OFFSETS_S {
         if let Some(here) =
             coordinated.map(|plan| plan.at(now_s + offset_s)).filter(|_| offset_s <= planned_until_s)
         {
             (s, speed_mps, last_s) = (here.position_m, here.speed_mps, offset_s);
-            let pose = cav.route.at(map, s).pose;
+            let pose = at(s).pose;
             trajectory.points.push(TrajectoryPoint { time_s: now_s + offset_s, pose, speed_mps });
             continue;
         }
@@ -54,7 +55,7 @@ pub fn trajectory(map: &LabMap, cav: &mut Cav, now_s: f64) -> Trajectory<Lab> {
         let next_mps = wanted_mps.min(allowed_mps.max(lowest_mps));
         s += (speed_mps + next_mps) / 2.0 * dt_s;
         (speed_mps, last_s) = (next_mps, offset_s);
-        let pose = cav.route.at(map, s).pose;
+        let pose = at(s).pose;
         trajectory.points.push(TrajectoryPoint { time_s: now_s + offset_s, pose, speed_mps });
     }
     trajectory

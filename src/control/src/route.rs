@@ -164,7 +164,11 @@ impl Route {
     pub fn index_at(&self, s: f64) -> usize {
         // Called many times per vehicle and control step: no search over the whole route.
         let place = (s / PLACE_STEP_M).max(0.0) as usize;
-        let mut index = self.places[place.min(self.places.len() - 1)] as usize;
+        self.index_from(self.places[place.min(self.places.len() - 1)] as usize, s)
+    }
+
+    /// Index of the lane at an arc length that is not before the lane at `index`.
+    fn index_from(&self, mut index: usize, s: f64) -> usize {
         while index + 1 < self.lanes.len() && self.stations[index + 1] <= s {
             index += 1;
         }
@@ -175,6 +179,15 @@ impl Route {
     pub fn at(&self, map: &LabMap, s: f64) -> CurvePoint {
         let index = self.index_at(s);
         map.lane(self.lanes[index]).curve.at(s - self.stations[index])
+    }
+
+    /// The points at arc lengths that do not decrease: cheaper than [`Route::at`] for each.
+    pub fn along<'a>(&'a self, map: &'a LabMap, from_s: f64) -> impl FnMut(f64) -> CurvePoint + 'a {
+        let mut index = self.index_at(from_s);
+        move |s| {
+            index = self.index_from(index, s);
+            map.lane(self.lanes[index]).curve.at(s - self.stations[index])
+        }
     }
 
     /// The nearest point between two arc lengths.

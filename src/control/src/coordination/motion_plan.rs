@@ -64,8 +64,10 @@ impl ProfileDrive {
         for k in (1..nodes.len()).rev() {
             let way_m = nodes.get(k + 1).map_or(0.0, |next| next.position_m - nodes[k].position_m);
             let braking = (next_mps * next_mps + 2.0 * style.braking_mps2 * way_m).sqrt();
-            next_mps = speed_at(nodes[k].position_m).min(style.cap_mps).min(braking);
-            nodes[k].speed_mps = next_mps;
+            let profile_mps = speed_at(nodes[k].position_m);
+            next_mps = profile_mps.min(style.cap_mps).min(braking);
+            // Until its time is known, a node keeps the profile in its place.
+            (nodes[k].speed_mps, nodes[k].time_s) = (next_mps, profile_mps);
         }
         for k in 1..nodes.len() {
             let before = nodes[k - 1];
@@ -74,8 +76,8 @@ impl ProfileDrive {
             let fastest = (square + 2.0 * style.accelerating_mps2 * way_m).sqrt();
             let slowest = |braking_mps2: f64| (square - 2.0 * braking_mps2 * way_m).max(0.0).sqrt();
             // A start above what the style permits slows down gently, above the profile as hard as it has to.
-            let profile = speed_at(nodes[k].position_m);
-            let wanted = nodes[k].speed_mps.max(slowest(style.braking_mps2).min(profile));
+            let profile_mps = nodes[k].time_s;
+            let wanted = nodes[k].speed_mps.max(slowest(style.braking_mps2).min(profile_mps));
             let speed_mps = fastest.min(wanted).max(slowest(style.hardest_braking_mps2)).max(LEAST_MPS);
             nodes[k].speed_mps = speed_mps;
             nodes[k].time_s = before.time_s + 2.0 * way_m / (before.speed_mps + speed_mps);
@@ -84,7 +86,7 @@ impl ProfileDrive {
     }
 
     fn at(&self, time_s: f64) -> MotionState {
-        let after = self.nodes.partition_point(|node| node.time_s <= time_s).clamp(1, self.nodes.len() - 1);
+        let after = self.node_after_time(time_s);
         let (from, to) = (self.nodes[after - 1], self.nodes[after]);
         let acceleration_mps2 = (to.speed_mps - from.speed_mps) / (to.time_s - from.time_s);
         let t = time_s - from.time_s;
@@ -94,6 +96,22 @@ impl ProfileDrive {
             speed_mps: from.speed_mps + acceleration_mps2 * t,
             acceleration_mps2,
         }
+    }
+
+    /// Index of the first node beyond a time, at least 1 and at most that of the last node. Found from a guess: a bisection
+    /// would touch memory all over the drive.
+    fn node_after_time(&self, time_s: f64) -> usize {
+        let last = self.nodes.len() - 1;
+        let (from_s, to_s) = (self.nodes[0].time_s, self.nodes[last].time_s);
+        let guess = (time_s - from_s) / (to_s - from_s) * last as f64;
+        let mut after = (guess.max(0.0) as usize).clamp(1, last);
+        while after < last && self.nodes[after].time_s <= time_s {
+            after += 1;
+        }
+        while after > 1 && self.nodes[after - 1].time_s > time_s {
+            after -= 1;
+        }
+        after
     }
 
     /// Index of the first node beyond a position, at least 1 and at most that of the last node. Nodes are at whole steps.
