@@ -11,16 +11,16 @@ use city3d_network::ros::{
     TransformStamped, Vector3,
 };
 use city3d_protocol::snapshot::{
-    Indicator, ModelKind, Pedals, Status, Trajectory, TrajectoryPoint, VehicleId, VehicleSpec,
+    DecisionReason, Indicator, ModelKind, Pedals, Status, Trajectory, TrajectoryPoint, VehicleId, VehicleSpec,
 };
 use city3d_protocol::wire::{
-    Authenticator, Body, ExperimentAction, ExperimentPhase, Measurement, ObservedVehicle, Poses,
-    VehicleBuild, VehicleSetup,
+    Authenticator, Body, Decisions, ExperimentAction, ExperimentPhase, Measurement, ObservedVehicle, Poses,
+    VehicleBuild, VehicleDecision, VehicleSetup,
 };
 use city3d_roadmap::{LabMap, load_map};
 use city3d_simulation::runner::Run;
 use city3d_simulation::scenario::{Experiment, Library, Overrides, read_experiment};
-use glam::{DQuat, DVec3};
+use glam::{DQuat, DVec2, DVec3};
 use mcap::records::{MessageHeader, Record};
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
@@ -114,6 +114,20 @@ fn setup(id: u32, at_m: f64, build: VehicleBuild) -> Body {
     Body::Setup { request: id, setup: Box::new(setup) }
 }
 
+/// A vehicle that yields to another one.
+fn decisions(vehicle: u32, other: u32) -> Body {
+    let one = VehicleDecision {
+        vehicle: VehicleId(vehicle),
+        reason: DecisionReason::YieldLine,
+        other: Some(VehicleId(other)),
+        place: Some(DVec2::new(1.5, -0.25)),
+        target_mps: 0.5,
+        acceleration_mps2: -0.125,
+        longitudinal_error_m: 0.0625,
+    };
+    Body::Decisions(Decisions { time_s: 0.0, vehicles: vec![one] })
+}
+
 fn trajectory(vehicle: u32, sequence: u32) -> Body {
     let map = lab_map();
     let point = |k: u32| TrajectoryPoint {
@@ -163,6 +177,7 @@ fn served_world() -> Vec<u8> {
     step(1, &setup(3, 2.0, VehicleBuild::Spec(Box::new(physical))));
     step(0, &command(ExperimentAction::Start));
     step(0, &trajectory(1, 1));
+    step(0, &decisions(1, 2));
     step(5, &measured(3));
     step(4, &drive(Some(gas)));
     step(4, &drive(None));

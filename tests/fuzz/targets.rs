@@ -15,8 +15,8 @@ use city3d_network::ros::{
 };
 use city3d_protocol::snapshot::{FrameSnapshot, VehicleId, VehicleState};
 use city3d_protocol::wire::{
-    Authenticator, Body, DatagramHeader, Denial, DenialReason, MAGIC, MAX_DATAGRAM_BYTES, MAX_DETAIL_BYTES,
-    UNIT_NORM, VERSION,
+    Authenticator, Body, DatagramHeader, Decisions, Denial, DenialReason, MAGIC, MAX_DATAGRAM_BYTES,
+    MAX_DETAIL_BYTES, UNIT_NORM, VERSION,
 };
 use city3d_roadmap::dxf::Drawing;
 use city3d_roadmap::{MAX_REPAIR_TOLERANCE_M, load_map, repair_map};
@@ -124,6 +124,7 @@ pub fn served(data: &[u8]) -> ServerWorld {
                     assert!(world.applied().iter().all(|applied| applied.body.to_log().is_ok()));
                 }
                 assert!(world.poses().iter().all(is_sendable));
+                assert_relayable(&world);
             }
         }
         world.drain_dropped().for_each(drop);
@@ -187,6 +188,15 @@ fn is_sendable(body: &Body) -> bool {
     }
     let datagram = body.encode(DatagramHeader::default(), &Authenticator::Checksum);
     datagram.is_ok_and(|datagram| Body::decode(&datagram, &Authenticator::Checksum).is_ok())
+}
+
+/// Panics for a decision that the city would show or pass on although it knows no such vehicle, or cannot.
+fn assert_relayable(world: &ServerWorld) {
+    let now_s = world.snapshot().time_s;
+    let told = world.decisions().at(now_s).unwrap_or_default();
+    assert!(told.iter().all(|decision| world.owner(decision.vehicle).is_some()), "{told:?}");
+    let parts = Decisions::parts(now_s, &told, world.experiment().scale);
+    assert!(parts.into_iter().map(Body::ShownDecisions).all(|body| is_sendable(&body)));
 }
 
 /// Panics for a snapshot out of order, or with a number that is not finite.
@@ -270,6 +280,7 @@ pub fn logs(data: &[u8]) {
             for chunk in 0..chunked.chunks().len().min(MOST_CHUNKS) {
                 let _ = chunked.read(chunk, EntryFilter::Snapshots);
                 let _ = chunked.read(chunk, EntryFilter::Events);
+                let _ = chunked.read(chunk, EntryFilter::Decisions);
             }
         }
         if let Ok(mut replay) = Replay::open(path) {

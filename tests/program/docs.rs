@@ -333,7 +333,7 @@ fn files_of_a_run_are_as_described() {
         }
         schemas.insert(String::from_utf8(schema.data.to_vec()).unwrap());
     }
-    assert_eq!(schemas.len(), 4);
+    assert_eq!(schemas.len(), 5);
     let fences = blocks(&text, "");
     for schema in schemas {
         assert!(fences.iter().any(|block| block.trim() == schema.trim()), "not in docs/log.md:\n{schema}");

@@ -8,17 +8,18 @@ use crate::support::link;
 use city3d_geometry::Lab;
 use city3d_geometry::lab::Pose2;
 use city3d_protocol::snapshot::{
-    Appearance, Aspect, BodyType, Drive, Indicator, ModelKind, Pedals, SignalAspects, SignalHeadId, Status,
-    Trajectory, TrajectoryPoint, VehicleId, VehicleInfo, VehicleSpec,
+    Appearance, Aspect, BodyType, DecisionReason, Drive, Indicator, ModelKind, Pedals, SignalAspects,
+    SignalHeadId, Status, Trajectory, TrajectoryPoint, VehicleId, VehicleInfo, VehicleSpec,
 };
 use city3d_protocol::wire::{
-    Authenticator, Body, CityClock, CityDescription, DatagramHeader, Denial, DenialReason, ExperimentAction,
-    ExperimentPhase, Measurement, ObservedVehicle, Poses, RequestOutcome, VehicleBuild, VehicleSetup,
+    Authenticator, Body, CityClock, CityDescription, DatagramHeader, Decisions, Denial, DenialReason,
+    ExperimentAction, ExperimentPhase, Measurement, ObservedVehicle, Poses, RequestOutcome, VehicleBuild,
+    VehicleDecision, VehicleSetup,
 };
 use city3d_simulation::environment::EnvironmentProfile;
 use city3d_simulation::runner::Run;
 use city3d_simulation::scenario::{Library, Overrides, read_experiment};
-use glam::{DQuat, DVec3};
+use glam::{DQuat, DVec2, DVec3};
 use link::city3d;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
@@ -155,6 +156,7 @@ fn bodies() -> Vec<(String, Body)> {
     bodies.extend(driving());
     bodies.extend(describing());
     bodies.extend(signalling());
+    bodies.extend(deciding());
     bodies
 }
 
@@ -164,6 +166,24 @@ fn signalling() -> Vec<(String, Body)> {
     vec![
         ("signals".to_owned(), Body::Signals(aspects.clone())),
         ("shown signals".to_owned(), Body::ShownSignals(aspects)),
+    ]
+}
+
+/// Of all reasons, with and without another vehicle and a place.
+fn deciding() -> Vec<(String, Body)> {
+    let of = |reason: DecisionReason| VehicleDecision {
+        vehicle: VehicleId(7),
+        reason,
+        other: (reason == DecisionReason::YieldLine).then_some(VehicleId(9)),
+        place: (reason == DecisionReason::YieldLine).then_some(DVec2::new(1.5, -0.25)),
+        target_mps: 0.5,
+        acceleration_mps2: -0.125,
+        longitudinal_error_m: 0.0625,
+    };
+    let told = Decisions { time_s: 2.5, vehicles: DecisionReason::ALL.map(of).to_vec() };
+    vec![
+        ("decisions".to_owned(), Body::Decisions(told.clone())),
+        ("shown decisions".to_owned(), Body::ShownDecisions(told)),
     ]
 }
 

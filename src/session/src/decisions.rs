@@ -1,7 +1,8 @@
 //! Decisions of the control framework at one instant, and the delays of its commands, as a window shows them. Decisions are
-//! read from the control framework of this process, delays from the commands of each step, wherever they come from.
+//! read from the control framework of this process, or from what one elsewhere tells; delays from the commands of each step,
+//! wherever they come from.
 
-use super::{Inputs, Moment};
+use super::{Inputs, Moment, Source};
 use city3d_control::{Cav, Mainframe};
 use city3d_geometry::LengthScale;
 use city3d_protocol::snapshot::{ControlDecision, SimCommand, VehicleId};
@@ -12,7 +13,8 @@ use std::collections::BTreeMap;
 /// What is known of control besides the snapshot.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ControlInsight {
-    /// Decisions of the last control step, in id order; `None` where the control framework is elsewhere.
+    /// Decisions of the last control step, or those that a control framework elsewhere or a log has told last, in id order;
+    /// `None` where nobody tells any.
     pub decisions: Option<Vec<ControlDecision>>,
     /// From the control step of the last trajectory that a vehicle was given until it arrived, simulated seconds.
     pub command_delays_s: BTreeMap<VehicleId, f64>,
@@ -73,10 +75,14 @@ impl DecisionTeller {
         }
     }
 
-    /// What is known now; `None` while nobody asks.
-    pub fn insight(&self, mainframe: Option<&Mainframe>, experiment: &Experiment) -> Option<ControlInsight> {
+    /// What is known of a source now; `None` while nobody asks.
+    pub fn insight(&self, source: &impl Source) -> Option<ControlInsight> {
+        let told = || source.told_decisions()?.at(source.snapshot().time_s);
         self.is_asked.then(|| ControlInsight {
-            decisions: mainframe.map(|mainframe| decisions(mainframe, experiment)),
+            decisions: match source.mainframe() {
+                Some(mainframe) => Some(decisions(mainframe, source.experiment())),
+                None => told(),
+            },
             command_delays_s: self.command_delays_s.clone(),
         })
     }
@@ -102,13 +108,14 @@ fn decision(mainframe: &Mainframe, cav: &Cav, experiment: &Experiment) -> Option
         target_mps: scale.city_from_lab(cav.target_mps()),
         acceleration_mps2: scale.city_from_lab(cav.plan.acceleration_mps2),
         longitudinal_error_m: scale.city_from_lab(cav.plan.axle_s - cav.axle_s()),
-        measured: cav.pose.to_city(scale),
+        measured: Some(cav.pose.to_city(scale)),
     })
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::{Host, LocalCity};
     use city3d_protocol::snapshot::{DecisionReason, Status};
     use city3d_simulation::runner::Run;
     use city3d_simulation::scenario::{Library, Overrides, read_experiment};
@@ -166,12 +173,13 @@ mod tests {
             let inputs = Inputs::Commands(run.commands());
             teller.take(&Moment::tick(&experiment, run.snapshot(), inputs, Some(run.mainframe()), from));
         };
+        let city = LocalCity::new(Arc::clone(&experiment), Host::system()).unwrap();
         (0..100).for_each(|_| step(&mut teller));
-        assert_eq!(teller.insight(None, &experiment), None);
+        assert_eq!(teller.insight(&city), None);
         teller.ask(true);
         (0..100).for_each(|_| step(&mut teller));
-        let told = teller.insight(None, &experiment).unwrap();
-        assert_eq!(told.decisions, None, "the control framework is elsewhere");
+        let told = teller.insight(&city).unwrap();
+        assert_eq!(told.decisions, Some(Vec::new()), "nobody has been measured there yet");
         let delays: Vec<f64> = told.command_delays_s.values().copied().collect();
         assert!(!delays.is_empty() && delays.iter().all(|s| (0.0..0.5).contains(s)), "{delays:?}");
     }

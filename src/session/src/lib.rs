@@ -10,6 +10,7 @@
 #[cfg(feature = "render")]
 pub mod capture;
 mod clock;
+mod decision_sampler;
 mod decisions;
 mod end;
 mod error;
@@ -55,7 +56,9 @@ pub use order::{Order, OrderSender, Orders, RunGoal, orders};
 pub use overwrite::Overwrite;
 pub use plans::{CoordinationState, NoPlan, PLACE_STEP_S, PlannedPassage, PlannedPlace, ZoneVehicle};
 pub use run_files::{FileOptions, FilesWritten, RunFiles, RunFolders, WallTime};
-pub use session::{OnReport, OnUpdate, Session, SessionEnd, SessionHandle, SessionReport, SessionStopper};
+pub use session::{
+    OnReport, OnUpdate, PublishedState, Session, SessionEnd, SessionHandle, SessionReport, SessionStopper,
+};
 pub use source::{Now, Pace, Source, Step};
 pub use state::{EndStatus, LinkStatus, RunPhase, RunState};
 pub use watch::{LONG_STOP_S, PoseWatch};

@@ -1,5 +1,6 @@
 //! Files of a run: `run.mcap`, `vehicles.csv` and `summary.json`.
 
+use super::decision_sampler::DecisionSampler;
 use super::end::{End, EndFailure, EndHealth, RunAccount};
 use super::overwrite::{RUN_FILES, run_folders};
 use super::{Inputs, Moment, MomentKind, Overwrite, SessionError};
@@ -8,7 +9,7 @@ use city3d_logbook::record::{
     Backpressure, Cadence, ClosingFiles, FileWork, FolderWork, LogOrigin, RecordError, Recorder,
 };
 use city3d_outputs::{OutputError, OutputFolder, WholeFile, refuse_inputs};
-use city3d_protocol::snapshot::Event;
+use city3d_protocol::snapshot::{Event, FrameSnapshot};
 use city3d_simulation::runner::{Observer, Summary};
 use city3d_simulation::scenario::Experiment;
 use std::error::Error;
@@ -141,6 +142,8 @@ struct OpenRun {
     observer: Observer,
     events: Vec<Event>,
     tick_events: Vec<Event>,
+    /// What the log tells of decisions.
+    decisions: DecisionSampler,
     start: Instant,
     steps: Duration,
 }
@@ -336,6 +339,7 @@ impl RunFiles {
             observer: Observer::new(experiment),
             events: Vec::new(),
             tick_events: Vec::new(),
+            decisions: DecisionSampler::default(),
             start,
             steps: Duration::ZERO,
         });
@@ -476,7 +480,11 @@ impl OpenRun {
         self.tick_events.extend_from_slice(&moment.snapshot.events);
         self.observer.observe(moment.mainframe, moment.snapshot, &mut self.tick_events);
         let recorded = match &mut self.recorder {
-            Some(recorder) => recorder.record(moment.snapshot, &self.tick_events),
+            Some(recorder) => {
+                let FrameSnapshot { tick, time_s, .. } = *moment.snapshot;
+                recorder.decisions((tick, time_s), &self.decisions.of_moment(moment));
+                recorder.record(moment.snapshot, &self.tick_events)
+            }
             None => Ok(()),
         };
         self.events.append(&mut self.tick_events);

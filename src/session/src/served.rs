@@ -17,7 +17,7 @@ use city3d_protocol::wire::{
     Authenticator, Body, CityDescription, ExperimentAction, ExperimentPhase, Measurement, RequestOutcome,
 };
 use city3d_simulation::runner::{
-    LinkSummary, MOTION_CAPTURE, OPERATOR, RosSummary, SenderNumber, ServerRules, ServerWorld,
+    HeldDecisions, LinkSummary, MOTION_CAPTURE, OPERATOR, RosSummary, SenderNumber, ServerRules, ServerWorld,
 };
 use city3d_simulation::scenario::Experiment;
 use std::collections::BTreeMap;
@@ -418,6 +418,10 @@ impl Source for ServedCity {
 
     fn origin(&self) -> LogOrigin {
         LogOrigin::Served
+    }
+
+    fn told_decisions(&self) -> Option<&HeldDecisions> {
+        Some(self.world.decisions())
     }
 
     fn pace(&self) -> Pace {

@@ -3,7 +3,7 @@
 mod handle;
 mod publish;
 
-pub use handle::{OnUpdate, SessionHandle, SessionStopper};
+pub use handle::{OnUpdate, PublishedState, SessionHandle, SessionStopper};
 
 use super::clock::RealTimeFactorMeter;
 use super::decisions::DecisionTeller;
@@ -532,6 +532,7 @@ fn moment<'a, S: Source>(
         snapshot: source.snapshot(),
         phase: source.experiment_phase(),
         mainframe: source.mainframe(),
+        told_decisions: source.told_decisions(),
         inputs,
         from,
         timing,

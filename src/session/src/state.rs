@@ -101,7 +101,7 @@ pub struct RunState {
     pub ends: Arc<Vec<EndStatus>>,
     /// Plans of coordinated vehicles, where they are asked for and the control framework is in this process.
     pub coordination: Option<Arc<CoordinationState>>,
-    /// Decisions of the control framework and delays of its commands, where they are asked for.
+    /// Decisions of the control framework and delays of its commands, where they are asked for; of a log, what it tells.
     pub insight: Option<Arc<ControlInsight>>,
     /// Events of the present run so far.
     pub events: EventFeed,

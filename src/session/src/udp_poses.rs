@@ -1,9 +1,12 @@
-//! Poses over UDP: subscribers with their leases, and the end that sends to them.
+//! Poses over UDP, and what the control framework tells of its decisions: subscribers with their leases, and the end that
+//! sends to them.
 
+use super::decision_sampler::DecisionSampler;
 use super::end::{End, EndHealth};
 use super::{Moment, MomentKind};
 use city3d_network::host::Host;
 use city3d_network::link::{SenderId, Server};
+use city3d_protocol::wire::{Body, Decisions};
 use city3d_simulation::runner::pose_bodies;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
@@ -14,6 +17,8 @@ pub(crate) struct PoseSubscriber {
     pub sender: SenderId,
     every_ticks: u64,
     lease_end: Instant,
+    /// It leads the experiment, or did when it subscribed last.
+    leads: bool,
 }
 
 /// Those who get poses over the link of a server.
@@ -24,13 +29,22 @@ pub struct PoseSubscribers {
     /// Subscribers at once; one more is let in if it leads.
     most: usize,
     subscribers: Vec<PoseSubscriber>,
+    decisions: DecisionSampler,
     delivered: u64,
     refused: u64,
 }
 
 impl PoseSubscribers {
     pub(crate) fn new(server: Arc<Server>, host: Host, most: usize) -> Self {
-        Self { server, host, most, subscribers: Vec::new(), delivered: 0, refused: 0 }
+        Self {
+            server,
+            host,
+            most,
+            subscribers: Vec::new(),
+            decisions: DecisionSampler::default(),
+            delivered: 0,
+            refused: 0,
+        }
     }
 
     pub(crate) fn is_empty(&self) -> bool {
@@ -68,19 +82,34 @@ impl PoseSubscribers {
         }
         if lease_s > 0.0 {
             let lease_end = now + Duration::from_secs_f64(lease_s);
-            self.subscribers.push(PoseSubscriber { sender, every_ticks, lease_end });
+            self.subscribers.push(PoseSubscriber { sender, every_ticks, lease_end, leads });
         }
         Ok(())
+    }
+
+    /// What subscribers are told of decisions at a moment; all of them while the clock stands, for whoever has come.
+    fn decisions(&mut self, moment: &Moment<'_>) -> Vec<Body> {
+        let time_s = moment.snapshot.time_s;
+        let told = match moment.kind {
+            MomentKind::Still => moment.told_decisions.and_then(|held| held.at(time_s)).unwrap_or_default(),
+            _ => self.decisions.of_moment(moment),
+        };
+        Decisions::parts(time_s, &told, moment.scale()).into_iter().map(Body::ShownDecisions).collect()
     }
 
     fn send(&mut self, moment: &Moment<'_>) {
         if self.present().is_empty() {
             return;
         }
+        let decisions = self.decisions(moment);
         let poses = pose_bodies(moment.snapshot, moment.phase, moment.scale());
         let is_due =
             |every_ticks| moment.kind != MomentKind::Tick || moment.snapshot.tick.is_multiple_of(every_ticks);
         for subscriber in &self.subscribers {
+            // Whoever leads has told them.
+            if !subscriber.leads {
+                self.server.send_all(subscriber.sender, &decisions);
+            }
             if is_due(subscriber.every_ticks) {
                 self.server.send_all(subscriber.sender, &poses);
                 self.delivered += 1;

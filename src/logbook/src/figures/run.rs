@@ -142,7 +142,7 @@ impl RunLog {
                     let vehicles = snapshot.vehicles.iter();
                     vehicles.for_each(|vehicle| builder.see(snapshot.time_s, &vehicle.state()));
                 }
-                LogEntry::Tick { .. } | LogEntry::Arrival { .. } => {}
+                LogEntry::Tick { .. } | LogEntry::Arrival { .. } | LogEntry::Decisions(_) => {}
             }
         }
         let truncation = log.truncation().map(ToString::to_string);

@@ -2,6 +2,7 @@
 //! a damaged one, is scanned by record headers.
 
 use super::budget::DecompressionBudget;
+use super::decisions::DECISIONS_TOPIC;
 use super::log::{COMMAND_TOPIC, EVENT_TOPIC, NETWORK_TOPIC, SNAPSHOT_TOPIC};
 use super::reader::{LogEntry, LogReader, decode, no_log};
 use super::records::{
@@ -18,17 +19,20 @@ use std::path::{Path, PathBuf};
 /// Which entries of a chunk to decode.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum EntryFilter {
-    /// States of all vehicles at one tick.
+    /// States of all vehicles at one tick, and decisions of the control framework.
     Snapshots,
     /// Events, commands of persons, and datagrams of the laboratory's link.
     Events,
+    /// Decisions of the control framework alone.
+    Decisions,
 }
 
 impl EntryFilter {
     fn topics(self) -> &'static [&'static str] {
         match self {
-            Self::Snapshots => &[SNAPSHOT_TOPIC],
+            Self::Snapshots => &[SNAPSHOT_TOPIC, DECISIONS_TOPIC],
             Self::Events => &[EVENT_TOPIC, COMMAND_TOPIC, NETWORK_TOPIC],
+            Self::Decisions => &[DECISIONS_TOPIC],
         }
     }
 }

@@ -8,12 +8,12 @@ use super::schema::{NetworkCommand, encode_event, encode_network, encode_snapsho
 use super::transforms::encode_transform;
 use city3d_geometry::Pose2;
 use city3d_protocol::snapshot::{
-    Appearance, Aspect, Event, EventKind, FrameSnapshot, Indicator, MeasuredPose, Pedals, Setup,
-    SignalAspects, SignalHeadId, SimCommand, Status, Trajectory, TrajectoryPoint, VehicleId, VehicleSpec,
-    VehicleState,
+    Appearance, Aspect, ControlDecision, DecisionReason, Event, EventKind, FrameSnapshot, Indicator,
+    MeasuredPose, Pedals, Setup, SignalAspects, SignalHeadId, SimCommand, Status, Trajectory,
+    TrajectoryPoint, VehicleId, VehicleSpec, VehicleState,
 };
 use city3d_protocol::wire::Measurement;
-use glam::{DQuat, DVec3};
+use glam::{DQuat, DVec2, DVec3};
 use std::fmt::Write;
 use std::path::Path;
 
@@ -104,6 +104,21 @@ fn snapshot() -> FrameSnapshot {
     }
 }
 
+/// Of all reasons, with and without another vehicle and a place.
+fn decisions() -> Vec<ControlDecision> {
+    let of = |reason: DecisionReason| ControlDecision {
+        vehicle: VEHICLE,
+        reason,
+        other: (reason == DecisionReason::YieldLine).then_some(VehicleId(9)),
+        place: (reason == DecisionReason::YieldLine).then_some(DVec2::new(1.5, -0.25)),
+        target_mps: 8.75,
+        acceleration_mps2: -0.5,
+        longitudinal_error_m: 0.125,
+        measured: None,
+    };
+    DecisionReason::ALL.map(of).to_vec()
+}
+
 #[test]
 fn messages_of_each_kind() {
     let mut messages: Vec<(String, Vec<u8>)> = vec![
@@ -128,6 +143,9 @@ fn messages_of_each_kind() {
         body: vec![0, 0, 0, 0, 7, 0, 0, 0],
     };
     messages.push(("network".to_owned(), encode_network(&network, Vec::new())));
+    let mut bytes = Vec::new();
+    CommandKind::encode_decisions((250, 2.5), &decisions(), &mut bytes);
+    messages.push(("decisions".to_owned(), bytes));
     let pose = Measurement {
         vehicle: VEHICLE,
         stamp_s: 2.5,

@@ -1,6 +1,7 @@
 //! Writer of the run log: one MCAP file (profile `ros2`, CDR messages with ros2msg schemas) that Foxglove, the `mcap`
 //! tools and ROS readers open.
 
+use super::decisions::{DECISIONS_SCHEMA, DECISIONS_TOPIC, DECISIONS_TYPE, encode_decisions};
 use super::mcap_writer::McapWriter;
 use super::schema::{
     ARRIVAL_SCHEMA, ARRIVAL_TYPE, COMMAND_SCHEMA, COMMAND_TYPE, EVENT_SCHEMA, EVENT_TYPE, MEASURED_SCHEMA,
@@ -12,7 +13,7 @@ use super::schema::{
 use super::transforms::{TRANSFORM_SCHEMA, TRANSFORM_TYPE, encode_transform};
 use city3d_geometry::LengthScale;
 use city3d_geometry::digest;
-use city3d_protocol::snapshot::{Event, FrameSnapshot, ModelKind, SimCommand, Status};
+use city3d_protocol::snapshot::{ControlDecision, Event, FrameSnapshot, ModelKind, SimCommand, Status};
 use city3d_protocol::wire::{Measurement, vicon_frame};
 use city3d_simulation::environment::EnvironmentProfile;
 use city3d_simulation::scenario::Experiment;
@@ -35,6 +36,8 @@ pub struct LogWriter<W> {
     ticks: u16,
     /// Of a scenario with inflows.
     arrivals: Option<u16>,
+    /// Where a control framework may tell its decisions.
+    decisions: Option<u16>,
     transform_schema: u16,
     /// Channels of the vehicles' transforms, by the vehicles' names.
     transforms: BTreeMap<String, u16>,
@@ -153,6 +156,11 @@ impl<W: Write> LogWriter<W> {
         } else {
             Some(channel(ARRIVAL_TOPIC, ARRIVAL_TYPE, ARRIVAL_SCHEMA)?)
         };
+        // A log that was torn has no index, so that its channels have to be known before its first message.
+        let decisions = match origin {
+            LogOrigin::Recorded => None,
+            _ => Some(channel(DECISIONS_TOPIC, DECISIONS_TYPE, DECISIONS_SCHEMA)?),
+        };
         let transform_schema = writer.schema(TRANSFORM_TYPE, "ros2msg", TRANSFORM_SCHEMA);
         Ok(Self {
             writer,
@@ -165,6 +173,7 @@ impl<W: Write> LogWriter<W> {
             signals,
             ticks,
             arrivals,
+            decisions,
             transform_schema,
             transforms: BTreeMap::new(),
             scale: experiment.scale,
@@ -233,7 +242,7 @@ impl<W: Write> LogWriter<W> {
         written
     }
 
-    /// Adds an encoded command.
+    /// Adds an encoded command, or encoded decisions.
     ///
     /// # Errors
     /// When it cannot be written; what was written before stays readable.
@@ -248,6 +257,10 @@ impl<W: Write> LogWriter<W> {
                 None => return Ok(()),
             },
             CommandKind::Arrival => match self.arrivals {
+                Some(channel) => channel,
+                None => return Ok(()),
+            },
+            CommandKind::Decisions => match self.decisions {
                 Some(channel) => channel,
                 None => return Ok(()),
             },
@@ -293,7 +306,7 @@ impl<W: Write> LogWriter<W> {
     }
 }
 
-/// The message type of a logged command.
+/// The message type of a logged command, or of what is logged beside them.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum CommandKind {
     /// Command of a person.
@@ -303,9 +316,21 @@ pub(super) enum CommandKind {
     Signals,
     /// A vehicle of an inflow enters.
     Arrival,
+    /// Why vehicles do what they do; no command.
+    Decisions,
 }
 
 impl CommandKind {
+    /// Appends decisions that hold in the snapshot of a tick to a buffer.
+    pub fn encode_decisions(
+        (tick, time_s): (u64, f64),
+        decisions: &[ControlDecision],
+        buffer: &mut Vec<u8>,
+    ) -> Self {
+        *buffer = encode_decisions(tick, time_s, decisions, std::mem::take(buffer));
+        Self::Decisions
+    }
+
     /// Appends a command, applied in the step after a tick, to a buffer; `None` for commands that are not logged.
     pub fn encode(tick: u64, command: &SimCommand, buffer: &mut Vec<u8>) -> Option<Self> {
         let mut memory = || std::mem::take(buffer);

@@ -5,6 +5,7 @@ mod bag;
 mod budget;
 mod cdr;
 mod chunks;
+mod decisions;
 #[cfg(test)]
 mod golden;
 mod input;
@@ -20,6 +21,7 @@ mod transforms;
 
 pub use bag::read_bag;
 pub use chunks::{ChunkInfo, ChunkedLog, EntryFilter};
+pub use decisions::LoggedDecisions;
 pub use input::{FileKind, file_kind, is_log};
 pub use log::{LogOrigin, LogWriter};
 pub use poses::{POSE_COLUMNS, RecordedPose, read_poses};

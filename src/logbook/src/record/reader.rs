@@ -2,6 +2,7 @@
 //! read up to its last whole record.
 
 use super::RecordError;
+use super::decisions::{DECISIONS_TOPIC, LoggedDecisions, decode_decisions};
 use super::input::{FileKind, file_kind};
 use super::log::{
     ARRIVAL_TOPIC, COMMAND_TOPIC, EVENT_TOPIC, FORMAT, LogOrigin, MAP, MEASURED_TOPIC, METADATA, MODELS,
@@ -51,6 +52,8 @@ pub enum LogEntry {
     Snapshot(LoggedSnapshot),
     /// Something that happened to a vehicle.
     Event(Event),
+    /// Why vehicles do what they do. No state depends on it.
+    Decisions(LoggedDecisions),
 }
 
 /// Reads a log from start to end.
@@ -257,6 +260,7 @@ pub(super) fn decode(topic: &str, data: &[u8]) -> Option<Option<LogEntry>> {
         }),
         TICK_TOPIC => decode_tick(data).map(|(tick, state_hash)| LogEntry::Tick { tick, state_hash }),
         SNAPSHOT_TOPIC => decode_snapshot(data).map(LogEntry::Snapshot),
+        DECISIONS_TOPIC => decode_decisions(data).map(LogEntry::Decisions),
         EVENT_TOPIC => decode_event(data).map(LogEntry::Event),
         _ => return None,
     })

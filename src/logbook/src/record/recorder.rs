@@ -4,7 +4,7 @@
 use super::log::CommandKind;
 use super::{LogOrigin, LogWriter, NetworkCommand, VehicleTable};
 use city3d_outputs::OutputFolder;
-use city3d_protocol::snapshot::{Event, FrameSnapshot, SimCommand, VehicleState};
+use city3d_protocol::snapshot::{ControlDecision, Event, FrameSnapshot, SimCommand, VehicleState};
 use city3d_simulation::scenario::Experiment;
 use std::fs::File;
 use std::io::BufWriter;
@@ -309,6 +309,19 @@ impl Recorder {
                 self.batch.items.push(Item::Command { kind, time_s, length });
             }
         }
+    }
+
+    /// Records decisions of the control framework that hold in the snapshot of a tick, before that is recorded; none where
+    /// there are none.
+    pub fn decisions(&mut self, (tick, time_s): (u64, f64), decisions: &[ControlDecision]) {
+        if decisions.is_empty() {
+            return;
+        }
+        let bytes = &mut self.batch.bytes;
+        let start = bytes.len();
+        let kind = CommandKind::encode_decisions((tick, time_s), decisions, bytes);
+        let length = bytes.len() - start;
+        self.batch.items.push(Item::Command { kind, time_s, length });
     }
 
     /// Records a datagram that was carried out.

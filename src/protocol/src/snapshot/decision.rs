@@ -1,4 +1,5 @@
-//! Decisions of the control framework, as it tells them to people: what limits a vehicle, and why. Nothing depends on them.
+//! Decisions of the control framework, as it tells them to people: what limits a vehicle, and why. No state depends on
+//! them.
 
 use super::VehicleId;
 use city3d_geometry::Pose2;
@@ -45,6 +46,33 @@ pub enum DecisionReason {
     OffRoute = 15,
 }
 
+impl DecisionReason {
+    /// All of them, each at the place of its number.
+    pub const ALL: [Self; 16] = [
+        Self::FreeRoad,
+        Self::RoadSpeed,
+        Self::Leader,
+        Self::Platoon,
+        Self::RouteEnd,
+        Self::StopLine,
+        Self::YieldLine,
+        Self::Signal,
+        Self::Junction,
+        Self::NoRoom,
+        Self::Crossing,
+        Self::Merging,
+        Self::Plan,
+        Self::SafetyFilter,
+        Self::NotMeasured,
+        Self::OffRoute,
+    ];
+
+    /// Whether the place of the decision is the rear of a vehicle, and so drives on.
+    pub fn has_moving_place(self) -> bool {
+        matches!(self, Self::Leader | Self::Platoon | Self::Merging)
+    }
+}
+
 /// The decision of the control framework for one vehicle, city units.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct ControlDecision {
@@ -62,6 +90,40 @@ pub struct ControlDecision {
     pub acceleration_mps2: f64,
     /// How far its plan is ahead of its measured pose, along the route.
     pub longitudinal_error_m: f64,
-    /// Its pose as it was measured last.
-    pub measured: Pose2,
+    /// Its pose as it was measured last; `None` where the decision comes from a log or over the link, which tell decisions
+    /// too seldom for it.
+    pub measured: Option<Pose2>,
+}
+
+impl ControlDecision {
+    /// The part that still holds some time later, as logs and the link tell it: without the places of what moves.
+    #[must_use]
+    pub fn lasting(self) -> Self {
+        let place = self.place.filter(|_| !self.reason.has_moving_place());
+        Self { place, measured: None, ..self }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn reasons_have_their_numbers() {
+        let numbers = DecisionReason::ALL.map(|reason| usize::from(reason as u8));
+        assert!(numbers.iter().enumerate().all(|(place, number)| place == *number));
+    }
+
+    #[test]
+    fn what_moves_does_not_last() {
+        let told = |reason| ControlDecision {
+            reason,
+            place: Some(DVec2::ONE),
+            measured: Some(Pose2::default()),
+            ..ControlDecision::default()
+        };
+        assert_eq!(told(DecisionReason::YieldLine).lasting().place, Some(DVec2::ONE));
+        let following = told(DecisionReason::Leader).lasting();
+        assert_eq!((following.place, following.measured), (None, None));
+    }
 }

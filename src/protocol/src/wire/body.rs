@@ -1,6 +1,7 @@
 //! Bodies of the datagrams, and their encoding.
 
 use super::bytes::{ByteReader, ByteWriter};
+use super::decisions::Decisions;
 use super::description::CityDescription;
 use super::drive;
 use super::setup::VehicleSetup;
@@ -215,6 +216,10 @@ pub enum Body {
     Description(CityDescription),
     /// Aspects of traffic signal heads at the tick of the poses before it, for a subscriber.
     ShownSignals(SignalAspects),
+    /// Why vehicles do what they do, by the sender that controls them. Not acknowledged; nothing in the city depends on it.
+    Decisions(Decisions),
+    /// The same as the city has heard it, for a subscriber.
+    ShownDecisions(Decisions),
 }
 
 pub(super) const HELLO: u8 = 1;
@@ -227,6 +232,7 @@ const BARRIER: u8 = 7;
 const DRIVE: u8 = 8;
 const DESCRIBE: u8 = 9;
 const SIGNALS: u8 = 10;
+const DECISIONS: u8 = 11;
 const CLOCK: u8 = 65;
 const ACK: u8 = 66;
 const POSES: u8 = 67;
@@ -234,6 +240,7 @@ const DESCRIPTION: u8 = 68;
 // 69 is a denial.
 const CHALLENGE: u8 = 70;
 const SHOWN_SIGNALS: u8 = 71;
+const SHOWN_DECISIONS: u8 = 72;
 
 impl Body {
     pub(super) fn kind(&self) -> u8 {
@@ -254,6 +261,8 @@ impl Body {
             Self::Challenge { .. } => CHALLENGE,
             Self::Signals(_) => SIGNALS,
             Self::ShownSignals(_) => SHOWN_SIGNALS,
+            Self::Decisions(_) => DECISIONS,
+            Self::ShownDecisions(_) => SHOWN_DECISIONS,
         }
     }
 
@@ -386,6 +395,7 @@ impl Body {
             Self::Poses(poses) => poses.write(out)?,
             Self::Description(description) => description.write(out)?,
             Self::Signals(aspects) | Self::ShownSignals(aspects) => signals::write(aspects, out)?,
+            Self::Decisions(told) | Self::ShownDecisions(told) => told.write(out)?,
             Self::Challenge { token, challenge } => {
                 out.u64(*token);
                 out.u64(*challenge);
@@ -434,6 +444,8 @@ impl Body {
             DESCRIBE => Self::Describe { request },
             SIGNALS => Self::Signals(signals::read(from)?),
             SHOWN_SIGNALS => Self::ShownSignals(signals::read(from)?),
+            DECISIONS => Self::Decisions(Decisions::read(from)?),
+            SHOWN_DECISIONS => Self::ShownDecisions(Decisions::read(from)?),
             CLOCK => Self::Clock(CityClock::read(from)?),
             ACK => Self::Ack {
                 request,
@@ -455,7 +467,7 @@ impl Body {
             }
             found => {
                 let fault =
-                    DecodeFault::Unknown { found: found.into(), known: "1 to 10, 65 to 68, 70 and 71" };
+                    DecodeFault::Unknown { found: found.into(), known: "1 to 11, 65 to 68, and 70 to 72" };
                 return Err(DecodeError { field: "kind", offset: 5, fault });
             }
         })

@@ -6,6 +6,7 @@
 mod body;
 mod bytes;
 mod commands;
+mod decisions;
 mod denial;
 mod description;
 mod drive;
@@ -20,6 +21,7 @@ pub use body::{
     ObservedVehicle, Poses, RequestOutcome,
 };
 pub use bytes::{DecodeError, DecodeFault, EncodeError};
+pub use decisions::{Decisions, MAX_ACCELERATION_MPS2, MAX_DECISIONS, VehicleDecision};
 pub use denial::{Denial, DenialReason};
 pub use description::{CityDescription, MAX_DESCRIBED};
 pub use drops::{DropCounts, DropReason};

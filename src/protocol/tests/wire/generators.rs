@@ -3,14 +3,15 @@
 use city3d_geometry::Lab;
 use city3d_geometry::lab::Pose2;
 use city3d_protocol::snapshot::{
-    Appearance, Aspect, BodyType, Drive, Indicator, ModelKind, Pedals, SignalAspects, SignalHeadId, Status,
-    TorquePoint, Trajectory, TrajectoryPoint, VehicleId, VehicleInfo, VehicleSpec,
+    Appearance, Aspect, BodyType, DecisionReason, Drive, Indicator, ModelKind, Pedals, SignalAspects,
+    SignalHeadId, Status, TorquePoint, Trajectory, TrajectoryPoint, VehicleId, VehicleInfo, VehicleSpec,
 };
 use city3d_protocol::wire::{
-    Body, CityClock, CityDescription, DatagramHeader, Denial, DenialReason, ExperimentAction,
-    ExperimentPhase, Measurement, ObservedVehicle, Poses, RequestOutcome, VehicleBuild, VehicleSetup,
+    Body, CityClock, CityDescription, DatagramHeader, Decisions, Denial, DenialReason, ExperimentAction,
+    ExperimentPhase, MAX_DECISIONS, Measurement, ObservedVehicle, Poses, RequestOutcome, VehicleBuild,
+    VehicleDecision, VehicleSetup,
 };
-use glam::{DQuat, DVec3};
+use glam::{DQuat, DVec2, DVec3};
 use proptest::prelude::*;
 
 fn vehicle() -> impl Strategy<Value = VehicleId> {
@@ -161,6 +162,27 @@ fn signals() -> impl Strategy<Value = SignalAspects> {
         .prop_map(|(stamp_s, heads)| SignalAspects { stamp_s, heads })
 }
 
+fn decisions() -> impl Strategy<Value = Decisions> {
+    let numbers = (0.0..=100.0f64, -100.0..=100.0f64, metres());
+    let place = prop::option::of((metres(), metres()));
+    let reason = prop::sample::select(DecisionReason::ALL.to_vec());
+    let one = (vehicle(), reason, prop::option::of(vehicle()), place, numbers).prop_map(
+        |(vehicle, reason, other, place, (target_mps, acceleration_mps2, longitudinal_error_m))| {
+            VehicleDecision {
+                vehicle,
+                reason,
+                other,
+                place: place.map(DVec2::from),
+                target_mps,
+                acceleration_mps2,
+                longitudinal_error_m,
+            }
+        },
+    );
+    (0.0..=1e9f64, prop::collection::vec(one, 1..=MAX_DECISIONS))
+        .prop_map(|(time_s, vehicles)| Decisions { time_s, vehicles })
+}
+
 pub fn body() -> impl Strategy<Value = Body> {
     let actions = vec![ExperimentAction::Start, ExperimentAction::Pause, ExperimentAction::Reset];
     let outcomes = vec![RequestOutcome::Done, RequestOutcome::Busy, RequestOutcome::Refused];
@@ -189,6 +211,8 @@ pub fn body() -> impl Strategy<Value = Body> {
         description().prop_map(Body::Description),
         signals().prop_map(Body::Signals),
         signals().prop_map(Body::ShownSignals),
+        decisions().prop_map(Body::Decisions),
+        decisions().prop_map(Body::ShownDecisions),
     ]
 }
 

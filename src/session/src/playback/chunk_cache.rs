@@ -2,12 +2,23 @@
 //! not the least recently used (LRU): playback moves along the log.
 
 use super::playhead::{SeekTarget, TIME_TOLERANCE_S};
-use city3d_protocol::snapshot::FrameSnapshot;
+use city3d_logbook::record::LoggedDecisions;
+use city3d_protocol::snapshot::{ControlDecision, FrameSnapshot};
+use city3d_simulation::runner::HeldDecisions;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-/// The decoded snapshots of one chunk, in order of time.
-pub(super) type DecodedChunk = Arc<Vec<Arc<FrameSnapshot>>>;
+/// What is decoded of one chunk.
+#[derive(Debug, Default)]
+pub(super) struct ChunkContents {
+    /// In order of time.
+    pub(super) snapshots: Vec<Arc<FrameSnapshot>>,
+    /// In order of time.
+    pub(super) decisions: Vec<LoggedDecisions>,
+}
+
+/// A decoded chunk, which is shared.
+pub(super) type DecodedChunk = Arc<ChunkContents>;
 
 /// Capacity of the cache, in snapshots.
 const CAPACITY_SNAPSHOTS: usize = 600;
@@ -32,7 +43,7 @@ impl ChunkCache {
     pub(super) fn insert(&mut self, chunk: usize, decoded: DecodedChunk, wanted: usize) {
         self.0.insert(chunk, decoded);
         // Chunks without snapshots count too: there may be many.
-        let weight = |decoded: &DecodedChunk| decoded.len().max(1);
+        let weight = |decoded: &DecodedChunk| decoded.snapshots.len().max(1);
         while self.0.len() > 4 && self.0.values().map(weight).sum::<usize>() > CAPACITY_SNAPSHOTS {
             let farthest = self.0.keys().copied().max_by_key(|chunk| chunk.abs_diff(wanted));
             farthest.map(|chunk| self.0.remove(&chunk));
@@ -40,7 +51,7 @@ impl ChunkCache {
     }
 
     pub(super) fn snapshots(&self) -> usize {
-        self.0.values().map(|decoded| decoded.len()).sum()
+        self.0.values().map(|decoded| decoded.snapshots.len()).sum()
     }
 }
 
@@ -63,20 +74,42 @@ pub(super) fn bracketing(
     let is_before = |snapshot: &Arc<FrameSnapshot>| snapshot.time_s <= time_s + TIME_TOLERANCE_S;
     let (mut before, mut after) = (None, None);
     for chunk in (0..begins_s.len().min(here + 1)).rev() {
-        let snapshots = decoded(chunk).ok_or(chunk)?;
+        let snapshots = &decoded(chunk).ok_or(chunk)?.snapshots;
         before = snapshots.iter().rev().find(|snapshot| is_before(snapshot)).cloned();
         if before.is_some() {
             break;
         }
     }
     for chunk in here..begins_s.len() {
-        let snapshots = decoded(chunk).ok_or(chunk)?;
+        let snapshots = &decoded(chunk).ok_or(chunk)?.snapshots;
         after = snapshots.iter().find(|snapshot| !is_before(snapshot)).cloned();
         if after.is_some() {
             break;
         }
     }
     Ok([before, after])
+}
+
+/// The decisions that hold at a time, in id order; `None` where the log tells none there. `telling` says which chunks may
+/// have some.
+///
+/// # Errors
+/// As for [`bracketing`].
+pub(super) fn decisions_at(
+    (begins_s, telling): (&[f64], &[bool]),
+    time_s: f64,
+    decoded: &mut impl FnMut(usize) -> Option<DecodedChunk>,
+) -> Result<Option<Vec<ControlDecision>>, usize> {
+    let mut held = HeldDecisions::default();
+    let (first, last) = (chunk_at(begins_s, time_s - HeldDecisions::HOLD_S), chunk_at(begins_s, time_s));
+    let is_telling = |chunk: &usize| telling.get(*chunk).is_some_and(|is_telling| *is_telling);
+    for chunk in (first..begins_s.len().min(last + 1)).filter(is_telling) {
+        let contents = decoded(chunk).ok_or(chunk)?;
+        for told in contents.decisions.iter().filter(|told| told.time_s <= time_s + TIME_TOLERANCE_S) {
+            told.decisions.iter().for_each(|decision| _ = held.take(told.time_s, *decision));
+        }
+    }
+    Ok(held.at(time_s))
 }
 
 /// The snapshot of a seek target, with its predecessor; `None` where the log has no snapshots.
@@ -116,13 +149,15 @@ pub(super) fn find(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use city3d_protocol::snapshot::VehicleId;
 
     /// Chunks that begin at 0, 1 and 3 s; the second one has no snapshots.
     const BEGINS_S: [f64; 4] = [0.0, 1.0, 2.0, 3.0];
 
     fn decoded(times_s: &[f64]) -> DecodedChunk {
         let at = |time_s: &f64| Arc::new(FrameSnapshot { time_s: *time_s, ..FrameSnapshot::default() });
-        Arc::new(times_s.iter().map(at).collect())
+        let snapshots = times_s.iter().map(at).collect();
+        Arc::new(ChunkContents { snapshots, decisions: Vec::new() })
     }
 
     fn cache() -> [DecodedChunk; 4] {
@@ -175,6 +210,45 @@ mod tests {
     fn nothing_is_found_where_there_is_nothing() {
         let nothing = find(&BEGINS_S, SeekTarget::Nearest(1.0), &mut |_| Some(decoded(&[])));
         assert_eq!(nothing, Ok(None));
+    }
+
+    /// A chunk that tells of vehicles at these times.
+    fn telling(told: &[(f64, u32)]) -> DecodedChunk {
+        let at = |(time_s, vehicle): &(f64, u32)| LoggedDecisions {
+            tick: 0,
+            time_s: *time_s,
+            decisions: vec![ControlDecision {
+                vehicle: VehicleId(*vehicle),
+                target_mps: *time_s,
+                ..ControlDecision::default()
+            }],
+        };
+        Arc::new(ChunkContents { decisions: told.iter().map(at).collect(), snapshots: Vec::new() })
+    }
+
+    #[test]
+    fn decisions_hold_over_the_edges_of_chunks_and_not_for_ever() {
+        let cache =
+            [telling(&[(0.2, 1), (0.7, 2)]), telling(&[]), telling(&[(2.0, 1), (2.5, 1)]), telling(&[])];
+        let told = |time_s| {
+            let found =
+                decisions_at((&BEGINS_S, &[true; 4]), time_s, &mut |chunk| Some(Arc::clone(&cache[chunk])))
+                    .unwrap();
+            let pair = |decision: ControlDecision| (decision.vehicle.0, decision.target_mps);
+            found.map(|found| found.into_iter().map(pair).collect::<Vec<_>>())
+        };
+        assert_eq!(told(0.1), None, "nothing was told yet");
+        assert_eq!(told(0.2), Some(vec![(1, 0.2)]));
+        assert_eq!(told(1.2), Some(vec![(1, 0.2), (2, 0.7)]));
+        assert_eq!(told(1.6), Some(vec![(2, 0.7)]));
+        assert_eq!(told(1.9), None, "it was told too long ago");
+        assert_eq!(told(2.4), Some(vec![(1, 2.0)]));
+        assert_eq!(told(3.4), Some(vec![(1, 2.5)]));
+        let mut later = |chunk: usize| (chunk > 0).then(|| Arc::clone(&cache[chunk]));
+        let missing = decisions_at((&BEGINS_S, &[true; 4]), 1.2, &mut later);
+        assert_eq!(missing, Err(0), "the chunk before is wanted too");
+        let silent = decisions_at((&BEGINS_S, &[false; 4]), 1.2, &mut later);
+        assert_eq!(silent, Ok(None), "nothing is wanted where nothing is told");
     }
 
     #[test]

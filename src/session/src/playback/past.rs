@@ -155,8 +155,8 @@ impl PastPlayer {
                 (before, now)
             }
         };
-        // Plans are those of the present.
-        let past = RunState { before, now, clock: None, coordination: None, ..live.clone() };
+        // Plans and decisions are those of the present.
+        let past = RunState { before, now, clock: None, coordination: None, insight: None, ..live.clone() };
         let run_state = Arc::new(past);
         self.shown = Some(ShownPair { states, run_state: Arc::clone(&run_state) });
         run_state

@@ -1,13 +1,13 @@
 //! The player of a log: resolves seeks, interpolates between snapshots, and requests chunks from the prefetch thread.
 
 use super::PlaybackError;
-use super::chunk_cache::{SnapshotPair, bracketing, chunk_at, find};
+use super::chunk_cache::{SnapshotPair, bracketing, chunk_at, decisions_at, find};
 use super::marks::{MarkCollector, TimelineMark};
 use super::past_cache::PastCache;
 use super::playhead::{FrameTimer, PlaybackCommand, Playhead, SeekTarget};
 use super::prefetch::{ChunkPrefetcher, ReadRequest, ReaderMonitor, SharedState};
 use super::registry::VehicleRegistry;
-use crate::{PoseWatch, RunHistory, RunPhase, RunState, Speed};
+use crate::{ControlInsight, PoseWatch, RunHistory, RunPhase, RunState, Speed};
 use city3d_logbook::record::{ChunkedLog, EntryFilter, LogOrigin, LogReader};
 use city3d_simulation::scenario::Experiment;
 use std::path::Path;
@@ -37,6 +37,15 @@ pub struct PlaybackStats {
     pub kept: usize,
 }
 
+/// Lookup of the decisions that hold at the shown time.
+#[derive(Debug)]
+struct DecisionLookup {
+    /// Which chunks may have some; empty where none has.
+    telling: Vec<bool>,
+    /// Those of the shown snapshot are not known yet.
+    is_pending: bool,
+}
+
 /// Plays a log: takes commands and returns the state to show.
 #[derive(Debug)]
 pub struct Player {
@@ -54,6 +63,7 @@ pub struct Player {
     run_state: Arc<RunState>,
     weight: f64,
     requested: Option<(ReadRequest, u64)>,
+    decisions: DecisionLookup,
     past_s: f64,
     /// Revision of the past states that were read last.
     past_read: Option<u64>,
@@ -77,6 +87,13 @@ impl Player {
             ..SharedState::default()
         };
         let shared = Arc::new(ReaderMonitor::new(state));
+        let may_tell = |chunk| log.may_have(chunk, EntryFilter::Decisions);
+        let mut telling: Vec<bool> = (0..log.chunks().len()).map(may_tell).collect();
+        if !telling.contains(&true) {
+            telling.clear();
+        }
+        let is_pending = !telling.is_empty();
+        let decisions = DecisionLookup { telling, is_pending };
         let mut prefetcher = ChunkPrefetcher {
             log,
             begins_s: Arc::clone(&begins_s),
@@ -108,6 +125,7 @@ impl Player {
             run_state: Arc::new(run_state),
             weight: 1.0,
             requested: None,
+            decisions,
             past_s: 0.0,
             past_read: None,
         })
@@ -141,7 +159,7 @@ impl Player {
     /// Whether the prefetch thread is idle and no seek is pending.
     pub fn is_settled(&self) -> bool {
         let state = self.shared.lock();
-        !self.is_late() && state.is_idle && state.request.is_none()
+        !self.is_late() && !self.decisions.is_pending && state.is_idle && state.request.is_none()
     }
 
     /// The state that was shown last.
@@ -202,6 +220,7 @@ impl Player {
             None if self.head.is_playing => self.play(passed_s),
             None => None,
         };
+        let missing = missing.or_else(|| self.look_up_decisions());
         self.request_chunks(missing, passed_s);
         (Arc::clone(&self.run_state), self.weight)
     }
@@ -268,7 +287,32 @@ impl Player {
         self.weight = weight;
         let phase = if self.head.is_playing { RunPhase::Running } else { RunPhase::Paused };
         let speed = Speed::Times(self.head.speed);
+        if now.tick != self.run_state.now.tick {
+            self.decisions.is_pending = !self.decisions.telling.is_empty();
+        }
         self.run_state = Arc::new(RunState { before, now, phase, speed, ..RunState::clone(&self.run_state) });
+    }
+
+    /// Looks up the decisions that hold in the shown snapshot; returns the missing chunk, if any. While it plays, nothing is
+    /// read for them: chunks that were played are there, and leaps at high speed would be slower.
+    fn look_up_decisions(&mut self) -> Option<usize> {
+        if !self.decisions.is_pending {
+            return None;
+        }
+        let found = {
+            let (state, time_s) = (self.shared.lock(), self.run_state.now.time_s);
+            let log = (&self.begins_s[..state.readable], &self.decisions.telling[..]);
+            decisions_at(log, time_s, &mut |chunk| state.cache.get(chunk))
+        };
+        // Those of another time would be wrong.
+        let (told, missing) = found.map_or_else(|chunk| (None, Some(chunk)), |told| (told, None));
+        self.decisions.is_pending = missing.is_some();
+        let insight =
+            told.map(|told| Arc::new(ControlInsight { decisions: Some(told), ..ControlInsight::default() }));
+        if insight.is_some() || self.run_state.insight.is_some() {
+            self.run_state = Arc::new(RunState { insight, ..RunState::clone(&self.run_state) });
+        }
+        missing.filter(|_| !self.head.is_playing)
     }
 
     /// Requests the missing chunk and the prefetch of the next ones, unless the same request is pending.
@@ -316,8 +360,8 @@ impl ChunkPrefetcher {
     /// The first and the last snapshot of the log; both stay in the cache.
     fn first_and_last(&mut self) -> Option<SnapshotPair> {
         let count = self.begins_s.len();
-        let first = (0..count).find_map(|chunk| self.cache_chunk(chunk)?.first().cloned())?;
-        let last = (0..count).rev().find_map(|chunk| self.cache_chunk(chunk)?.last().cloned())?;
+        let first = (0..count).find_map(|chunk| self.cache_chunk(chunk)?.snapshots.first().cloned())?;
+        let last = (0..count).rev().find_map(|chunk| self.cache_chunk(chunk)?.snapshots.last().cloned())?;
         Some((first, last))
     }
 

@@ -1,7 +1,7 @@
 //! The prefetch thread of a log. Priorities: the requested chunk and its neighbours, then the running plots, then the
 //! scan for events.
 
-use super::chunk_cache::{ChunkCache, DecodedChunk, chunk_at};
+use super::chunk_cache::{ChunkCache, ChunkContents, DecodedChunk, chunk_at};
 use super::marks::{MarkCollector, Occurrence, TimelineMark};
 use super::past_cache::PastCache;
 use super::registry::VehicleRegistry;
@@ -160,20 +160,26 @@ impl ChunkPrefetcher {
         let decoded = self.read_chunk(chunk)?;
         let mut state = self.shared.lock();
         state.decoded += 1;
-        state.past.insert(chunk, &decoded);
+        state.past.insert(chunk, &decoded.snapshots);
         state.cache.insert(chunk, Arc::clone(&decoded), wanted);
         Some(decoded)
     }
 
-    /// Decodes the snapshots of a chunk; a damaged chunk truncates the log.
+    /// Decodes the snapshots and decisions of a chunk; a damaged chunk truncates the log.
     pub(super) fn read_chunk(&mut self, chunk: usize) -> Option<DecodedChunk> {
         match self.log.read(chunk, EntryFilter::Snapshots) {
             Ok(entries) => {
-                let snapshot = |entry| match entry {
-                    LogEntry::Snapshot(logged) => Some(Arc::new(self.registry.snapshot(&logged))),
-                    _ => None,
-                };
-                Some(Arc::new(entries.into_iter().filter_map(snapshot).collect()))
+                let mut contents = ChunkContents::default();
+                for entry in entries {
+                    match entry {
+                        LogEntry::Snapshot(logged) => {
+                            contents.snapshots.push(Arc::new(self.registry.snapshot(&logged)));
+                        }
+                        LogEntry::Decisions(told) => contents.decisions.push(told),
+                        _ => {}
+                    }
+                }
+                Some(Arc::new(contents))
             }
             Err(error) => {
                 self.truncate_at(chunk, &error);
@@ -218,7 +224,7 @@ impl ChunkPrefetcher {
         let Some(decoded) = self.read_chunk(chunk) else { return };
         let mut state = self.shared.lock();
         state.decoded += 1;
-        state.past.insert(chunk, &decoded);
+        state.past.insert(chunk, &decoded.snapshots);
         drop(state);
         if chunk.is_multiple_of(16) || self.missing_plot_chunk(request).is_none() {
             (self.on_update)();
@@ -242,7 +248,7 @@ impl ChunkPrefetcher {
             }
         }
         if let Some(mut watch) = self.watch.take() {
-            for snapshot in self.read_chunk(chunk).iter().flat_map(|decoded| decoded.iter()) {
+            for snapshot in self.read_chunk(chunk).iter().flat_map(|decoded| decoded.snapshots.iter()) {
                 let marks = watch.observe(snapshot, false);
                 // Long stops are found by the events of the log.
                 found.extend(marks.into_iter().filter(|mark| mark.what != Occurrence::LongStop));

@@ -1,18 +1,19 @@
 //! Remote control of a city: the control framework in a process of its own, behind the UDP link.
 
 use super::connection::{Connection, RETRANSMIT_INTERVAL, Reply};
-use crate::SessionError;
+use crate::decision_sampler::DecisionSampler;
+use crate::{SessionError, decisions};
 use city3d_control::Mainframe;
 use city3d_network::host::Host;
 use city3d_network::link::{Client, ClientEvent, PhysicalFleet};
 use city3d_protocol::snapshot::{Status, VehicleId, VehicleState};
 use city3d_protocol::wire::{
-    Authenticator, Body, CityClock, ExperimentAction, ExperimentPhase, Message, ObservedVehicle, Poses,
-    VehicleBuild, VehicleSetup, pack,
+    Authenticator, Body, CityClock, Decisions, ExperimentAction, ExperimentPhase, Message, ObservedVehicle,
+    Poses, VehicleBuild, VehicleSetup, pack,
 };
 use city3d_simulation::runner::ControlLoop;
 use city3d_simulation::scenario::{Experiment, PlannedVehicle};
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
@@ -41,6 +42,8 @@ pub(super) struct RemoteControl {
     answered: Option<u64>,
     /// Datagrams with the commands for that tick, with their sequence numbers.
     batch: Vec<(u64, Vec<u8>)>,
+    /// What the city is told of decisions.
+    decisions: DecisionSampler,
     /// In lockstep, the barrier that follows them.
     barrier: Option<Body>,
     /// The experiment has come to its end.
@@ -73,6 +76,7 @@ impl RemoteControl {
             sessions: 0,
             answered: None,
             batch: Vec::new(),
+            decisions: DecisionSampler::default(),
             barrier: None,
             is_over: false,
             waiting: None,
@@ -124,7 +128,7 @@ impl RemoteControl {
             // Before the first session nobody was held here.
             self.control.resume(Some(&before).filter(|_| self.sessions > 0));
         }
-        (self.answered, self.barrier) = (None, None);
+        (self.answered, self.barrier, self.decisions) = (None, None, DecisionSampler::default());
         self.sessions += 1;
         Ok(())
     }
@@ -229,7 +233,25 @@ impl RemoteControl {
             city.client.send(&barrier);
             self.barrier = Some(barrier);
         }
+        self.tell_decisions(city, (head, vehicles));
         Ok(())
+    }
+
+    /// Tells the city why the vehicles do what they do, after the commands, for which alone it waits. What gets lost is told
+    /// again soon.
+    fn tell_decisions(&mut self, city: &mut Connection, (head, vehicles): (&Poses, &[ObservedVehicle])) {
+        let (control, experiment) = (&self.control, &self.experiment);
+        // The city knows these; it refuses decisions that name others.
+        let present: BTreeSet<VehicleId> = vehicles.iter().map(|seen| seen.pose.vehicle).collect();
+        let is_known = |id: VehicleId| present.contains(&id) && !control.demand().has_left(id);
+        let due = self.decisions.sample(head.time_s, || {
+            let mut told = decisions(control.mainframe(), experiment);
+            told.retain(|decision| is_known(decision.vehicle) && decision.other.is_none_or(is_known));
+            Some(told)
+        });
+        for part in Decisions::parts(head.time_s, &due, experiment.scale) {
+            city.client.send(&Body::Decisions(part));
+        }
     }
 
     /// Sets up the vehicles of inflows that are in the city since before this session: whoever has set up a vehicle drives

@@ -15,10 +15,10 @@ use city3d_network::host::Host;
 use city3d_network::link::{Client, ClientEvent};
 use city3d_protocol::snapshot::{VehicleId, VehicleInfo};
 use city3d_protocol::wire::{
-    Authenticator, Body, CityClock, CityDescription, ExperimentAction, ExperimentPhase, ObservedVehicle,
-    Poses, RequestOutcome,
+    Authenticator, Body, CityClock, CityDescription, Decisions, ExperimentAction, ExperimentPhase,
+    ObservedVehicle, Poses, RequestOutcome,
 };
-use city3d_simulation::runner::ObservedCity;
+use city3d_simulation::runner::{HeldDecisions, ObservedCity};
 use city3d_simulation::scenario::Experiment;
 use connection::{Connection, HANDSHAKE_INTERVAL, REQUEST_TIMEOUT, Reply, subscription};
 use control::RemoteControl;
@@ -115,6 +115,8 @@ pub struct RemoteCity {
     has_seen: bool,
     failure: Option<SessionError>,
     infos: BTreeMap<VehicleId, VehicleInfo>,
+    /// Why vehicles do what they do, as the city tells it.
+    decisions: HeldDecisions,
     leader: Option<String>,
     scenario: Option<String>,
     received: u64,
@@ -191,6 +193,7 @@ impl RemoteCity {
             has_seen: false,
             failure: None,
             infos: BTreeMap::new(),
+            decisions: HeldDecisions::default(),
             leader: None,
             scenario: None,
             received: 0,
@@ -300,6 +303,7 @@ impl RemoteCity {
         }
         let now = self.connection.host.clock.now();
         self.ends_run |= std::mem::take(&mut self.has_begun);
+        self.decisions.clear();
         self.stage = Stage::Connected(Box::new(Link {
             clock,
             reassembly: PoseReassembly::default(),
@@ -384,6 +388,7 @@ impl RemoteCity {
             }
             ClientEvent::Body(Body::Poses(poses)) => self.take_poses(poses),
             ClientEvent::Body(Body::ShownSignals(aspects)) => self.city.show_signals(&aspects),
+            ClientEvent::Body(Body::ShownDecisions(told)) => self.take_decisions(&told),
             ClientEvent::Body(Body::Description(description)) => self.take_description(description),
             ClientEvent::Body(_) => {}
         }
@@ -429,6 +434,16 @@ impl RemoteCity {
                 link.newest = Some(poses.tick);
                 self.pending = Some((poses, vehicles));
             }
+        }
+    }
+
+    /// Keeps the decisions for the vehicles that are seen.
+    fn take_decisions(&mut self, told: &Decisions) {
+        let now = self.city.snapshot();
+        self.decisions.expire(now.time_s);
+        for decision in told.vehicles.iter().filter(|decision| now.vehicle(decision.vehicle).is_some()) {
+            // One that was overtaken on its way is told anew soon.
+            self.decisions.take(told.time_s, decision.in_city(self.experiment.scale));
         }
     }
 

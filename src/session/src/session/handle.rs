@@ -53,27 +53,7 @@ impl<S: Source + 'static> Session<S> {
     /// # Errors
     /// When the operating system refuses the thread.
     pub fn spawn(mut self, files: Option<Arc<Mutex<FilesWritten>>>) -> Result<SessionHandle, SessionError> {
-        let first = Arc::new(self.source.snapshot().clone());
-        let link = self.source.link_status().map(Arc::new);
-        let state = RunState {
-            speed: self.speed,
-            link: link.clone(),
-            ..RunState::standing(Arc::clone(&first), self.source.phase())
-        };
-        let latest_state = Arc::new(LatestState::new(state));
-        let updates = UpdateSignal::default();
-        self.view = Some(View {
-            latest_state: Arc::clone(&latest_state),
-            updates: updates.clone(),
-            latest: first,
-            is_stale: false,
-            published_at: self.host.clock.now(),
-            arrival_clock: None,
-            files: files.clone(),
-            link,
-            ends: Arc::default(),
-            events: EventCollector::new(self.source.origin().has_world()),
-        });
+        let (latest_state, updates) = self.open_view(files.clone());
         let (sender, stop) = (self.sender.take().map(Arc::new), Arc::clone(&self.stop));
         let (ended, told) = (Arc::clone(&latest_state), updates.clone());
         let work = move || {
@@ -91,6 +71,52 @@ impl<S: Source + 'static> Session<S> {
             files,
             updates,
         })
+    }
+}
+
+impl<S: Source> Session<S> {
+    /// Publishes its states to a reader, in a session that its caller runs on the thread of its own choice.
+    #[must_use]
+    pub fn publishing(mut self) -> (Self, PublishedState) {
+        let (latest_state, _) = self.open_view(None);
+        (self, PublishedState(latest_state))
+    }
+
+    /// Begins to publish states.
+    fn open_view(&mut self, files: Option<Arc<Mutex<FilesWritten>>>) -> (Arc<LatestState>, UpdateSignal) {
+        let first = Arc::new(self.source.snapshot().clone());
+        let link = self.source.link_status().map(Arc::new);
+        let state = RunState {
+            speed: self.speed,
+            link: link.clone(),
+            ..RunState::standing(Arc::clone(&first), self.source.phase())
+        };
+        let latest_state = Arc::new(LatestState::new(state));
+        let updates = UpdateSignal::default();
+        self.view = Some(View {
+            latest_state: Arc::clone(&latest_state),
+            updates: updates.clone(),
+            latest: first,
+            is_stale: false,
+            published_at: self.host.clock.now(),
+            arrival_clock: None,
+            files,
+            link,
+            ends: Arc::default(),
+            events: EventCollector::new(self.source.origin().has_world()),
+        });
+        (latest_state, updates)
+    }
+}
+
+/// The latest state that a session has published.
+#[derive(Clone, Debug)]
+pub struct PublishedState(Arc<LatestState>);
+
+impl PublishedState {
+    /// The latest published state.
+    pub fn run_state(&self) -> Arc<RunState> {
+        self.0.get()
     }
 }
 

@@ -43,7 +43,7 @@ impl<S: Source> Session<S> {
             }
             None => (None, None),
         };
-        let insight = self.decisions.insight(self.source.mainframe(), self.source.experiment()).map(Arc::new);
+        let insight = self.decisions.insight(&self.source).map(Arc::new);
         view.latest_state.put(RunState {
             before,
             now: Arc::clone(&view.latest),

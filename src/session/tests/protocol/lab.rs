@@ -11,7 +11,7 @@ use city3d_session::robots::{TestbedOptions, TestbedServer};
 use city3d_session::served::{ServeOptions, ServedCity};
 use city3d_session::{
     End, EndHealth, FileOptions, FilesWritten, Host, LinkStatus, Moment, MomentKind, Order, OrderSender,
-    Overwrite, RunFiles, RunFolders, Session, SessionEnd, SessionError, Source,
+    Overwrite, PublishedState, RunFiles, RunFolders, RunState, Session, SessionEnd, SessionError, Source,
 };
 use city3d_simulation::runner::Summary;
 use city3d_simulation::scenario::{Experiment, Library, Overrides, read_experiment};
@@ -88,6 +88,7 @@ pub struct Desk {
     pub answers: Vec<(Order, Result<(), String>)>,
     pub link: Option<LinkStatus>,
     orders: Option<OrderSender>,
+    published: Option<PublishedState>,
     written: Arc<Mutex<FilesWritten>>,
     outcome: Option<Result<(), String>>,
 }
@@ -254,6 +255,8 @@ impl Program {
         let session = first.into_iter().fold(session, Session::with_end);
         let session = session.with_end(Box::new(Witness(Arc::clone(&self.desk)))).with_end(Box::new(files));
         self.desk().orders = session.orders();
+        let (session, published) = session.publishing();
+        self.desk().published = Some(published);
         session.run().map(drop)
     }
 
@@ -264,6 +267,11 @@ impl Program {
     /// Gives an order as a window does.
     pub fn order(&self, order: Order) {
         assert!(self.desk().orders.as_ref().unwrap().send(order), "the session takes no orders");
+    }
+
+    /// The state that its window would show.
+    pub fn run_state(&self) -> Arc<RunState> {
+        self.desk().published.as_ref().unwrap().run_state()
     }
 
     /// The moments that it has told.

@@ -9,6 +9,7 @@
 
 mod answers;
 mod compare;
+mod decisions;
 mod demand;
 mod ends;
 mod guest;

@@ -1,5 +1,5 @@
 //! The inspector: why the selected vehicle does what it does. Lane, leader, gap and headway come from poses, and so from
-//! every source; reasons are told by the control framework where it is known.
+//! every source; reasons are told by the control framework, here, elsewhere or in a log.
 
 use super::vehicles::tenths;
 use super::{UiAction, UiState, ViewModel, status, theme};
@@ -190,10 +190,10 @@ fn trajectory(
         |decision| format!("{:+.1} cm", decision.longitudinal_error_m * 100.0),
     );
     row(ui, "Longitudinal error", &ahead, "How far its plan is ahead of its estimated place");
-    let noise = decision.map_or_else(
+    let noise = decision.and_then(|decision| decision.measured).map_or_else(
         || NOT_TOLD.to_owned(),
-        |decision| {
-            let off_m = decision.measured.position.distance(vehicle.position.truncate());
+        |measured| {
+            let off_m = measured.position.distance(vehicle.position.truncate());
             format!("{:.1} cm from the true pose", off_m * 100.0)
         },
     );

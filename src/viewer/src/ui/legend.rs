@@ -60,7 +60,9 @@ fn lines(state: &UiState, shown: &ViewModel<'_>) -> Vec<LegendLine> {
 
 fn measured_words(shown: &ViewModel<'_>) -> &'static str {
     let decisions = shown.run_state.insight.as_ref().and_then(|insight| insight.decisions.as_ref());
-    if decisions.is_some() { "measured pose" } else { "measured pose: not told by this source" }
+    let is_told =
+        decisions.is_some_and(|told| told.is_empty() || told.iter().any(|told| told.measured.is_some()));
+    if is_told { "measured pose" } else { "measured pose: not told by this source" }
 }
 
 /// What the colours of vehicles mean.

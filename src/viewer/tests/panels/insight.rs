@@ -4,7 +4,7 @@
 
 use super::city::{click_at, has_text, place, spread, texts, vehicle_at};
 use super::desk::{Desk, click, harness, press};
-use city3d_protocol::snapshot::{DecisionReason, VehicleId};
+use city3d_protocol::snapshot::{ControlDecision, DecisionReason, VehicleId};
 use city3d_session::{ControlInsight, decisions};
 use city3d_simulation::runner::Run;
 use city3d_simulation::scenario::{Library, Overrides, read_experiment};
@@ -27,9 +27,8 @@ fn yielding() -> (Desk, VehicleId, VehicleId) {
         traffic.observe(run.snapshot());
         assert!(run.snapshot().time_s < 40.0, "somebody yields at a line");
         let told = decisions(run.mainframe(), &experiment);
-        let yields = |told: &&city3d_protocol::snapshot::ControlDecision| {
-            told.reason == DecisionReason::YieldLine && told.other.is_some()
-        };
+        let yields =
+            |told: &&ControlDecision| told.reason == DecisionReason::YieldLine && told.other.is_some();
         let Some(found) = told.iter().find(yields) else { continue };
         let (vehicle, other) = (found.vehicle, found.other.unwrap());
         let mut desk = Desk::with(run.snapshot().clone());
@@ -69,6 +68,22 @@ fn the_inspector_says_to_whom_a_vehicle_yields_and_a_click_goes_there() {
     press(&mut harness, egui::Key::Escape);
     assert!(harness.query_by_label("Command delay").is_none(), "Esc closes it");
     assert_eq!(harness.state().state.selection.vehicle, Some(other));
+}
+
+#[test]
+fn of_a_log_or_over_the_link_reasons_are_told_and_measured_poses_are_not() {
+    let (mut desk, vehicle, other) = yielding();
+    let told = desk.run_state.insight.as_ref().unwrap().decisions.clone().unwrap();
+    let decisions = Some(told.into_iter().map(ControlDecision::lasting).collect());
+    desk.run_state.insight = Some(Arc::new(ControlInsight { decisions, ..ControlInsight::default() }));
+    desk.state.selection.vehicle = Some(vehicle);
+    desk.state.open.inspector = true;
+    let name = desk.run_state.now.info(other).unwrap().name.clone();
+    let mut harness = harness(desk);
+    harness.run_steps(2);
+    harness.get_by_label_contains(&format!("at the yield line, yields to {other} {name}"));
+    // The command delay and the measured pose.
+    assert_eq!(harness.query_all_by_label("not told by this source").count(), 2, "{:?}", texts(&harness));
 }
 
 #[test]

@@ -147,7 +147,7 @@ fn paths_boxes_frusta_and_measured_poses_have_layers() {
         let vehicle = desk.run_state.now.vehicle(VehicleId(id)).unwrap();
         let pose = vehicle.pose();
         let measured = city3d_geometry_pose(pose.point_at(0.0, left_m), pose.yaw_rad);
-        ControlDecision { vehicle: VehicleId(id), measured, ..ControlDecision::default() }
+        ControlDecision { vehicle: VehicleId(id), measured: Some(measured), ..ControlDecision::default() }
     };
     let decisions = Some(vec![measured(1, 0.3), measured(2, 0.3)]);
     desk.run_state.insight = Some(Arc::new(ControlInsight { decisions, ..ControlInsight::default() }));

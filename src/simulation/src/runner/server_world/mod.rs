@@ -2,6 +2,7 @@
 //! requests, the heartbeat timeouts of the leader and of drivers, and the commands of each tick. Without sockets, threads
 //! or wall-clock time.
 
+mod decisions;
 mod drive;
 mod role;
 mod setup;
@@ -10,7 +11,7 @@ mod tests;
 
 use self::drive::Driver;
 use self::role::Act;
-use super::pose_bodies;
+use super::{HeldDecisions, pose_bodies};
 use crate::scenario::Experiment;
 use crate::sim::World;
 use city3d_geometry::Lab;
@@ -161,6 +162,8 @@ pub struct ServerWorld {
     leader: Option<SenderNumber>,
     dropped: Vec<DropReason>,
     resets: ResetLimit,
+    /// Why vehicles do what they do, as their senders tell.
+    decisions: HeldDecisions,
 }
 
 impl ServerWorld {
@@ -180,6 +183,7 @@ impl ServerWorld {
             leader: None,
             dropped: Vec::new(),
             resets: ResetLimit::default(),
+            decisions: HeldDecisions::default(),
         }
     }
 
@@ -212,6 +216,10 @@ impl ServerWorld {
                 self.show_signals(sender, aspects);
                 return None;
             }
+            Body::Decisions(told) => {
+                self.hear_decisions(sender, &told);
+                return None;
+            }
             Body::Drive { vehicle, sequence, pedals } => {
                 let refusal = self.drive(sender, now_s, vehicle, sequence, pedals).err();
                 self.dropped.extend(refusal);
@@ -234,6 +242,7 @@ impl ServerWorld {
             | Body::Poses(_)
             | Body::Description(_)
             | Body::ShownSignals(_)
+            | Body::ShownDecisions(_)
             | Body::Challenge { .. } => return None,
         };
         let answer = Body::Ack { request: request?, outcome, tick: self.snapshot.tick, detail };
@@ -386,6 +395,7 @@ impl ServerWorld {
             return self.refuse_not_owner(&format!("has set up vehicle {vehicle}"));
         }
         self.vehicles.remove(&vehicle);
+        self.decisions.forget(vehicle);
         let body = Body::Remove { request, vehicle };
         self.push(PendingCommand { sender, body, command: SimCommand::Remove(vehicle) });
         (RequestOutcome::Done, String::new())
@@ -499,6 +509,7 @@ impl ServerWorld {
                 SimCommand::Reset => {
                     let experiment = self.world.experiment();
                     self.spawned.retain(|applied| !applied.is_arrival_of(experiment));
+                    self.decisions.clear();
                 }
                 _ => {}
             }
@@ -507,6 +518,7 @@ impl ServerWorld {
         }
         self.pending = pending;
         self.world.tick_into(&self.commands, &mut self.snapshot);
+        self.decisions.expire(self.snapshot.time_s);
         &self.snapshot
     }
 

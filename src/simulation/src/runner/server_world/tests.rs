@@ -1,18 +1,18 @@
 //! Who may do what in a served city, and who drives.
 
-use super::{AppliedBody, OPERATOR, SenderNumber, ServerRules, ServerWorld};
+use super::{AppliedBody, HeldDecisions, OPERATOR, SenderNumber, ServerRules, ServerWorld};
 use crate::scenario::{Library, Overrides, read_experiment};
 use crate::sim::World;
 use city3d_geometry::lab::Pose2;
 use city3d_protocol::snapshot::{
-    Aspect, FrameSnapshot, ModelKind, Pedals, SignalAspects, SignalHeadId, SimCommand, Status, Trajectory,
-    TrajectoryPoint, VehicleId, VehicleSpec,
+    Aspect, DecisionReason, FrameSnapshot, ModelKind, Pedals, SignalAspects, SignalHeadId, SimCommand,
+    Status, Trajectory, TrajectoryPoint, VehicleId, VehicleSpec,
 };
 use city3d_protocol::wire::{
-    Body, DropReason, ExperimentAction, ExperimentPhase, Measurement, RequestOutcome, VehicleBuild,
-    VehicleSetup,
+    Body, Decisions, DropReason, ExperimentAction, ExperimentPhase, Measurement, RequestOutcome,
+    VehicleBuild, VehicleDecision, VehicleSetup,
 };
-use glam::{DQuat, DVec3};
+use glam::{DQuat, DVec2, DVec3};
 use std::sync::Arc;
 
 const LEADER: SenderNumber = 1;
@@ -427,6 +427,57 @@ fn a_pose_that_was_measured_later_than_now_is_dropped_while_the_clock_runs() {
     world.tick();
     let state = world.snapshot().vehicle(PHYSICAL).unwrap();
     assert!(state.position.is_finite() && state.speed_mps.is_finite());
+}
+
+fn tell(world: &mut ServerWorld, sender: SenderNumber, time_s: f64, decisions: &[VehicleDecision]) {
+    let told = Decisions { time_s, vehicles: decisions.to_vec() };
+    assert_eq!(world.take(sender, 0.0, Body::Decisions(told)), None);
+}
+
+#[test]
+fn owners_tell_why_their_vehicles_do_what_they_do_and_others_are_counted() {
+    let mut world = city();
+    operate(&mut world, ExperimentAction::Start);
+    world.tick();
+    let of = |vehicle, other| VehicleDecision {
+        vehicle,
+        reason: DecisionReason::YieldLine,
+        other,
+        place: Some(DVec2::new(1.0, -2.0)),
+        target_mps: 0.5,
+        acceleration_mps2: 0.0,
+        longitudinal_error_m: 0.0,
+    };
+    let before = world.snapshot().state_hash;
+    let now_s = world.snapshot().time_s;
+    tell(&mut world, LEADER, now_s, &[of(LED, Some(OWN)), of(OWN, None), of(VehicleId(77), None)]);
+    let dropped = [DropReason::NotYours, DropReason::UnknownVehicle];
+    assert_eq!(world.drain_dropped().collect::<Vec<_>>(), dropped);
+    tell(&mut world, GUEST, now_s, &[of(OWN, Some(VehicleId(77)))]);
+    tell(&mut world, STRANGER, now_s, &[of(LED, None)]);
+    tell(&mut world, LEADER, now_s + 100.0, &[of(LED, None)]);
+    let dropped = [DropReason::UnknownVehicle, DropReason::NotYours, DropReason::Ahead];
+    assert_eq!(world.drain_dropped().collect::<Vec<_>>(), dropped);
+    let told = world.decisions().at(now_s).unwrap();
+    assert_eq!(told, [of(LED, Some(OWN)).in_city(world.experiment().scale)]);
+    assert_eq!(told[0].place, Some(DVec2::new(25.0, -50.0)), "full scale");
+    // It is shown to people, and nothing else.
+    assert!(!world.has_pending());
+    assert_eq!(world.snapshot().state_hash, before);
+    // It holds for a while; what comes late is not taken.
+    (0..60).for_each(|_| _ = world.tick());
+    assert!(world.decisions().at(world.snapshot().time_s).is_some());
+    (0..60).for_each(|_| _ = world.tick());
+    assert_eq!(world.decisions().at(world.snapshot().time_s), None);
+    let now_s = world.snapshot().time_s;
+    tell(&mut world, LEADER, 0.0, &[of(LED, None)]);
+    tell(&mut world, LEADER, now_s, &[of(LED, None)]);
+    tell(&mut world, LEADER, now_s - 0.5, &[of(LED, None)]);
+    let dropped = [DropReason::Stale, DropReason::Reordered];
+    assert_eq!(world.drain_dropped().collect::<Vec<_>>(), dropped);
+    operate(&mut world, ExperimentAction::Reset);
+    world.tick();
+    assert_eq!(world.decisions(), &HeldDecisions::default());
 }
 
 /// A city with the signals of one junction, led by a sender with one vehicle.

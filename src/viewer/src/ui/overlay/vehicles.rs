@@ -203,12 +203,13 @@ fn gaps(overlay: &mut Overlay, state: &UiState, shown: &ViewModel<'_>) {
 /// The pose that was measured last, as an outline, with a line to the true one.
 fn measured(overlay: &mut Overlay, shown: &ViewModel<'_>, (vehicle, info): (&VehicleState, &VehicleInfo)) {
     let insight = shown.run_state.insight.as_deref();
-    let Some(decision) = insight.and_then(|insight| insight.decision(vehicle.id)) else { return };
-    let corners = ground_corners(&decision.measured, info, 0.0).map(above);
+    let decision = insight.and_then(|insight| insight.decision(vehicle.id));
+    let Some(measured) = decision.and_then(|decision| decision.measured) else { return };
+    let corners = ground_corners(&measured, info, 0.0).map(above);
     for k in 0..4 {
         overlay.line([corners[k], corners[(k + 1) % 4]], 2.0, paint(MEASURED, 0.95));
     }
-    let ends = [above(decision.measured.position), above(vehicle.position.truncate())];
+    let ends = [above(measured.position), above(vehicle.position.truncate())];
     overlay.line(ends, 2.0, paint(MEASURED, 0.95));
 }
 
