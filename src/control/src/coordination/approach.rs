@@ -37,6 +37,8 @@ const PACES: [(f64, f64); 12] = [
     (0.92, 0.55),
     (1.0, 0.8),
 ];
+/// Those at which a vehicle slows down to make room behind another one, from gentle to firm.
+const FIRM_PACES: [(f64, f64); 3] = [(0.25, 0.15), (0.5, 0.3), (1.0, 0.8)];
 /// Acceleration behind a delay as a share of u_max.
 const RECOVERY: f64 = 0.5;
 
@@ -218,29 +220,49 @@ impl<'a> ApproachPlanner<'a> {
         Some(pieces)
     }
 
-    /// Under a cap on the speed, found by bisection.
+    /// Ways that arrive at `to_s` and slow down sooner than the cheapest one does: more and more firmly, then on at a constant
+    /// speed. They leave more room behind a vehicle ahead.
+    pub fn braking_first(
+        &self,
+        start: MotionState,
+        end_m: f64,
+        to_s: f64,
+    ) -> impl Iterator<Item = Vec<Piece>> {
+        FIRM_PACES.into_iter().filter_map(move |pace| self.capped_at(start, end_m, to_s, pace))
+    }
+
+    /// Under a cap on the speed, at the gentlest pace that arrives.
     fn capped(&self, start: MotionState, end_m: f64, to_s: f64) -> Option<Vec<Piece>> {
-        PACES.into_iter().find_map(|(accelerating, braking)| {
-            let with_cap = |cap_mps| self.drive(start, end_m, self.style(cap_mps, accelerating, braking));
-            let (mut low_mps, mut high_mps) = (self.min_speed_mps, self.driver.desired_speed_mps);
-            let arrives_s = |cap_mps| with_cap(cap_mps).end().time_s;
-            let is_too_soon = arrives_s(low_mps) < to_s - ARRIVAL_TOLERANCE_S;
-            if is_too_soon || arrives_s(high_mps) > to_s + ARRIVAL_TOLERANCE_S {
-                return None;
+        PACES.into_iter().find_map(|pace| self.capped_at(start, end_m, to_s, pace))
+    }
+
+    /// Under a cap on the speed, found by bisection.
+    fn capped_at(
+        &self,
+        start: MotionState,
+        end_m: f64,
+        to_s: f64,
+        (accelerating, braking): (f64, f64),
+    ) -> Option<Vec<Piece>> {
+        let with_cap = |cap_mps| self.drive(start, end_m, self.style(cap_mps, accelerating, braking));
+        let (mut low_mps, mut high_mps) = (self.min_speed_mps, self.driver.desired_speed_mps);
+        let arrives_s = |cap_mps| with_cap(cap_mps).end().time_s;
+        let is_too_soon = arrives_s(low_mps) < to_s - ARRIVAL_TOLERANCE_S;
+        if is_too_soon || arrives_s(high_mps) > to_s + ARRIVAL_TOLERANCE_S {
+            return None;
+        }
+        for _ in 0..BISECTIONS {
+            let cap_mps = (low_mps + high_mps) / 2.0;
+            let piece = with_cap(cap_mps);
+            if (piece.end().time_s - to_s).abs() < ARRIVAL_TOLERANCE_S {
+                return Some(vec![piece]);
             }
-            for _ in 0..BISECTIONS {
-                let cap_mps = (low_mps + high_mps) / 2.0;
-                let piece = with_cap(cap_mps);
-                if (piece.end().time_s - to_s).abs() < ARRIVAL_TOLERANCE_S {
-                    return Some(vec![piece]);
-                }
-                if piece.end().time_s > to_s {
-                    low_mps = cap_mps;
-                } else {
-                    high_mps = cap_mps;
-                }
+            if piece.end().time_s > to_s {
+                low_mps = cap_mps;
+            } else {
+                high_mps = cap_mps;
             }
-            None
-        })
+        }
+        None
     }
 }

@@ -3,7 +3,7 @@
 use super::approach::ApproachPlanner;
 use super::conflicts::{PlanGaps, PlannedMotion, SharedWay};
 use super::cubic::MotionState;
-use super::motion_plan::MotionPlan;
+use super::motion_plan::{MotionPlan, Piece};
 use super::zone::Passage;
 use crate::{CavGeometry, DriverParams, Route};
 
@@ -50,6 +50,8 @@ const LEAST_DELAY_S: f64 = 0.01;
 const GAP_TOLERANCE_S: f64 = 1e-3;
 /// Least effect of a delay at the end of a way on a lack in the middle that is extrapolated.
 const LEAST_GAIN: f64 = 0.1;
+/// A lack that falls by a smaller share of a delay at the end of a way is one in its first part.
+const EARLY_GAIN: f64 = 0.5;
 /// Accuracy of arrivals, seconds: a fifth of a control step.
 const ARRIVAL_ACCURACY_S: f64 = 0.004;
 /// Trials of arrival times for one vehicle.
@@ -239,29 +241,40 @@ impl Search<'_> {
         let free = planner.free(start, entry_m, request.time_weight);
         let free_s = free.last().map_or(start.time_s, |piece| piece.end().time_s);
         let latest_s = planner.slowest(start, entry_m).end().time_s;
-        let attempt = |arrival_s: f64| {
-            let pieces = if arrival_s == free_s {
-                free.clone()
-            } else {
-                planner.arriving_at(start, entry_m, arrival_s)?
-            };
+        let tried = |pieces: Vec<Piece>| {
             let mut plan = before.clone();
             pieces.into_iter().for_each(|piece| plan.push(piece));
             plan.push(planner.through(plan.end(), exit_m));
             let lack_s = lack(&plan);
-            Some((plan, lack_s))
+            (plan, lack_s)
+        };
+        let cheapest = |arrival_s: f64| {
+            let is_free = arrival_s == free_s;
+            let pieces =
+                if is_free { Some(free.clone()) } else { planner.arriving_at(start, entry_m, arrival_s) };
+            pieces.map(tried)
+        };
+        let attempt = |arrival_s: f64, brakes_first: bool| {
+            let cheapest = cheapest(arrival_s);
+            if !brakes_first || cheapest.as_ref().is_none_or(|(_, lack_s)| *lack_s <= GAP_TOLERANCE_S) {
+                return cheapest;
+            }
+            let firmer = planner.braking_first(start, entry_m, arrival_s).map(tried);
+            firmer.into_iter().find(|(_, lack_s)| *lack_s <= GAP_TOLERANCE_S).or(cheapest)
         };
         let mut arrival_s = free_s.max(entry.earliest_s);
         // The last arrival that was too soon, with its lack.
         let mut too_soon: Option<(f64, f64)> = None;
         let mut last_gain: f64 = 1.0;
+        let mut brakes_first = false;
         while self.trials > 0 && arrival_s <= latest_s {
             self.trials -= 1;
-            let Some((plan, lack_s)) = attempt(arrival_s) else {
+            let Some((plan, lack_s)) = attempt(arrival_s, brakes_first) else {
                 arrival_s += LEAST_DELAY_S;
                 continue;
             };
             if lack_s <= GAP_TOLERANCE_S {
+                let attempt = |arrival_s| attempt(arrival_s, brakes_first);
                 let sooner = too_soon.and_then(|(soon_s, _)| soonest_between(soon_s, arrival_s, attempt));
                 return Ok(sooner.unwrap_or(plan));
             }
@@ -270,6 +283,11 @@ impl Search<'_> {
             }
             // A lack early on the way falls by less than the delay at its end: extrapolate (secant method).
             let gain = too_soon.map_or(1.0, |(soon_s, before_s)| (before_s - lack_s) / (arrival_s - soon_s));
+            if gain < EARLY_GAIN && !brakes_first {
+                // Waiting longer hardly helps: it has to slow down sooner.
+                brakes_first = true;
+                continue;
+            }
             too_soon = Some((arrival_s, lack_s));
             // The first time, another vehicle may be the one that is in the way.
             let sure_gain = gain.max(last_gain).clamp(LEAST_GAIN, 1.0);
@@ -325,3 +343,7 @@ impl Heeded<'_> {
         self.shared.lack_behind(gaps, own, &self.motion, until_m)
     }
 }
+
+#[cfg(test)]
+#[path = "planner_tests.rs"]
+mod tests;
