@@ -85,6 +85,10 @@ struct Car {
         length = body["length_m"].number, overhang = body["overhang_m"].number;
         front_axle = body["front_axle_m"].number, strongest = driver["max_acceleration_mps2"].number;
         hardest = -driver["min_acceleration_mps2"].number, standstill = driver["standstill_gap_m"].number;
+        const std::size_t passages = data["passages"].items.size();
+        if (passages != 1)
+            throw std::runtime_error(name + " passes " + std::to_string(passages) +
+                                     " control zones; this program coordinates one");
         const Json& passage = data["passages"][0];
         entry = passage["entry_m"].number;
         first = passage["conflicts_m"][0].number, last = passage["conflicts_m"][1].number;

@@ -63,7 +63,10 @@ class Car:
         self.standstill = driver["standstill_gap_m"]
         self.points = [tuple(p[key] for key in ("at_m", "x_m", "y_m", "yaw_rad", "speed_mps")) for p in data["points"]]
         self.step = self.points[1][0]
-        self.entry, (self.first, self.last) = data["passages"][0]["entry_m"], data["passages"][0]["conflicts_m"]
+        if len(data["passages"]) != 1:
+            sys.exit(f"{self.name} passes {len(data['passages'])} control zones; this program coordinates one")
+        [passage] = data["passages"]
+        self.entry, (self.first, self.last) = passage["entry_m"], passage["conflicts_m"]
         self.end = self.points[-1][0] - 0.05
         self.plan, self.is_in_zone = None, False
         self.place = self.start["axle_m"]
