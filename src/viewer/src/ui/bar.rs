@@ -8,7 +8,7 @@ use egui::{Button, ComboBox, RichText, Ui};
 use std::path::Path;
 
 /// The selectable speeds.
-const SPEEDS: [f64; 8] = [0.1, 0.25, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0];
+pub const SPEEDS: [f64; 8] = [0.1, 0.25, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0];
 
 /// Shows the toolbar; adds what its controls request to `actions`.
 pub fn show(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>, actions: &mut Vec<UiAction>) {
@@ -169,7 +169,8 @@ fn speed(ui: &mut Ui, present: Speed, actions: &mut Vec<UiAction>) {
     }
 }
 
-fn speed_label(speed: Speed) -> String {
+/// A speed in words.
+pub fn speed_label(speed: Speed) -> String {
     match speed {
         Speed::Times(factor) => format!("{factor}x"),
         Speed::Unlimited => "as fast as possible".to_owned(),

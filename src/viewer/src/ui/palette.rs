@@ -1,9 +1,12 @@
-//! The command palette: every action by its words, with its key.
+//! The command palette: every action by its words, with its key; and vehicles, scenarios and speeds by their names.
 
-use super::commands::{self, Availability, Command, CommandContext};
+mod entries;
+
+use super::commands::{Availability, CommandContext};
 use super::timeline::TimelineView;
 use super::{UiAction, UiState, ViewModel};
 use egui::{Align2, FontId, Key, Modal, Modifiers, RichText, ScrollArea, Sense, Ui, Vec2};
+use entries::{Entry, matching};
 
 /// Whether the palette is open, what was typed, and which row is chosen.
 #[derive(Clone, Debug, Default)]
@@ -39,7 +42,7 @@ pub fn show(ui: &Ui, state: &mut UiState, shown: &ViewModel<'_>, actions: &mut V
     let modal = Modal::new(egui::Id::unique("palette")).show(ui.ctx(), |ui| {
         ui.set_width(WIDTH.min(ui.ctx().content_rect().width() - 40.0).max(0.0));
         let field = egui::TextEdit::singleline(&mut state.palette.words)
-            .hint_text("Find an action by its words")
+            .hint_text("Find an action, a vehicle or a scenario by its words")
             .desired_width(f32::INFINITY);
         let field = ui.add(field);
         field.request_focus();
@@ -55,8 +58,8 @@ pub fn show(ui: &Ui, state: &mut UiState, shown: &ViewModel<'_>, actions: &mut V
             ui.label(RichText::new("No action has these words.").weak());
         }
         ScrollArea::vertical().max_height(ROWS * ROW_HEIGHT).show(ui, |ui| {
-            for (place, (command, availability)) in found.iter().enumerate() {
-                let response = row(ui, command, *availability, place == chosen);
+            for (place, entry) in found.iter().enumerate() {
+                let response = row(ui, entry, place == chosen);
                 if place == chosen && has_moved {
                     response.scroll_to_me(None);
                 }
@@ -67,24 +70,24 @@ pub fn show(ui: &Ui, state: &mut UiState, shown: &ViewModel<'_>, actions: &mut V
         });
     });
     is_closed |= modal.backdrop_response.clicked();
-    let command =
-        found.get(state.palette.chosen).filter(|_| is_run && !is_closed).map(|(command, _)| *command);
-    if is_closed || command.is_some() {
+    let place = state.palette.chosen;
+    let entry = (is_run && !is_closed && place < found.len()).then(|| found.swap_remove(place));
+    if is_closed || entry.is_some() {
         state.palette = Palette::default();
     }
-    if let Some(command) = command {
+    if let Some(entry) = entry {
         let now_s = ui.input(|input| input.time);
         let mut timeline = TimelineView::of(shown);
-        command.run(&mut CommandContext { state, shown, actions, timeline: &mut timeline, now_s });
+        entry.run(&mut CommandContext { state, shown, actions, timeline: &mut timeline, now_s });
     }
 }
 
-/// One action: its name, what it waits for, and its key.
-fn row(ui: &mut Ui, command: &Command, availability: Availability, is_chosen: bool) -> egui::Response {
+/// One row: its name, what it waits for, and its key.
+fn row(ui: &mut Ui, entry: &Entry, is_chosen: bool) -> egui::Response {
     let (rect, response) = ui.allocate_exact_size(Vec2::new(ui.available_width(), ROW_HEIGHT), Sense::CLICK);
-    let is_enabled = availability == Availability::Now;
+    let is_enabled = entry.availability == Availability::Now;
     response
-        .widget_info(|| egui::WidgetInfo::selected(egui::Role::Button, is_enabled, is_chosen, command.name));
+        .widget_info(|| egui::WidgetInfo::selected(egui::Role::Button, is_enabled, is_chosen, &entry.name));
     let visuals = ui.visuals();
     if is_chosen {
         ui.painter().rect_filled(rect, 3.0, visuals.selection.bg_fill);
@@ -98,49 +101,11 @@ fn row(ui: &mut Ui, command: &Command, availability: Availability, is_chosen: bo
     };
     let inside = rect.shrink2(Vec2::new(8.0, 0.0));
     let font = FontId::proportional(13.0);
-    ui.painter().text(inside.left_center(), Align2::LEFT_CENTER, command.name, font, colour);
+    ui.painter().text(inside.left_center(), Align2::LEFT_CENTER, &entry.name, font, colour);
     let key = FontId::monospace(12.0);
-    ui.painter().text(inside.right_center(), Align2::RIGHT_CENTER, command.key(), key, colour);
-    match availability {
+    ui.painter().text(inside.right_center(), Align2::RIGHT_CENTER, &entry.key, key, colour);
+    match entry.availability {
         Availability::After(what) => response.on_hover_text(what),
         _ => response,
-    }
-}
-
-/// The actions that have all words, the best match first.
-fn matching(words: &str, state: &UiState, shown: &ViewModel<'_>) -> Vec<(&'static Command, Availability)> {
-    let words = words.trim().to_lowercase();
-    let mut found: Vec<_> = commands::all()
-        .filter(|command| words.split_whitespace().all(|word| command.name.to_lowercase().contains(word)))
-        .map(|command| (command, command.availability(state, shown)))
-        .filter(|(_, availability)| *availability != Availability::Never)
-        .collect();
-    found.sort_by_key(|(command, availability)| {
-        (rank(command.name, &words), *availability != Availability::Now)
-    });
-    found
-}
-
-/// How well a name matches: the whole, its beginning, beginnings of words, anything else.
-fn rank(name: &str, words: &str) -> u8 {
-    let name = name.to_lowercase();
-    let begins = |word: &str| name.split(|c: char| !c.is_alphanumeric()).any(|part| part.starts_with(word));
-    match () {
-        () if name == words => 0,
-        () if name.starts_with(words) => 1,
-        () if words.split_whitespace().all(begins) => 2,
-        () => 3,
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::rank;
-
-    #[test]
-    fn beginnings_of_words_come_before_what_lies_within_them() {
-        let ranks =
-            ["map", "Map of the city", "Show or hide the map", "Remap keys"].map(|name| rank(name, "map"));
-        assert_eq!(ranks, [0, 1, 2, 3]);
     }
 }

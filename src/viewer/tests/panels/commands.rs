@@ -3,7 +3,7 @@
 use super::desk::{Desk, EditedFile, Recording, fleet, harness, press};
 use city3d_protocol::snapshot::{EventKind, VehicleId};
 use city3d_session::playback::Playhead;
-use city3d_session::{Order, RunPhase};
+use city3d_session::{Order, RunPhase, Speed};
 use city3d_viewer::ui::{CameraMode, Command, ManualDrive, SECTIONS, TimelineRange, UiAction};
 use egui::{Key, Modifiers};
 use egui_kittest::Harness;
@@ -101,6 +101,22 @@ fn names_are_told_apart_and_no_two_actions_share_a_key_and_a_window() {
         let distinct: BTreeSet<&String> = all.iter().collect();
         assert_eq!(distinct.len(), all.len(), "{subject}: {all:?}");
     }
+}
+
+#[test]
+fn the_palette_finds_vehicles_speeds_and_scenarios_by_their_names() {
+    let chosen = |words: &str| {
+        let mut harness = harness(Desk::with(fleet(12)));
+        open_palette(&mut harness);
+        assert!(harness.query_by_label_contains("Select car1").is_none(), "vehicles may be many");
+        type_text(&mut harness, words);
+        press(&mut harness, Key::Enter);
+        let desk = harness.state();
+        (desk.state.selection.vehicle, desk.actions.clone())
+    };
+    assert_eq!(chosen("select car7"), (Some(VehicleId(7)), Vec::new()));
+    assert_eq!(chosen("run at 5x"), (None, vec![UiAction::Order(Order::Speed(Speed::Times(5.0)))]));
+    assert_eq!(chosen("scenario city"), (None, vec![UiAction::Scenario("city".to_owned())]));
 }
 
 #[test]

@@ -13,6 +13,8 @@ use glam::DVec3;
 const STEP_M: f64 = 2.0;
 /// Opacity of control zones: the road stays visible below, also where lanes cross.
 const ZONE_TINT: f32 = 0.22;
+/// Opacity of conflict zones, of which each has two sides one over the other.
+const CONFLICT_TINT: f32 = 0.3;
 /// Colours of lanes and conflict zones, which the legend explains.
 pub const LANE: Color32 = Color32::from_rgb(120, 220, 255);
 pub const MERGE: Color32 = Color32::from_rgb(255, 180, 60);
@@ -65,8 +67,9 @@ fn conflict_zones(overlay: &mut Overlay, map: &CityMap) {
             ZoneKind::Diverge => continue,
         };
         for side in &zone.sides {
-            let points = line(map, side.lane, (side.from_m, side.to_m), 0.0);
-            overlay.polyline(&points, 3.0, paint(colour, 0.8));
+            area(overlay, map, (side.lane, side.from_m, side.to_m), paint(colour, CONFLICT_TINT));
+            let ends = [side.from_m, side.to_m].map(|at_m| across(map, side.lane, at_m));
+            ends.into_iter().for_each(|ends| overlay.line(ends, 1.5, paint(colour, 0.9)));
         }
     }
 }
@@ -75,17 +78,26 @@ fn conflict_zones(overlay: &mut Overlay, map: &CityMap) {
 fn control_zone(overlay: &mut Overlay, map: &CityMap, (zone, area): (usize, &ControlZoneArea)) {
     let colour = zone_colour(zone);
     for stretch in &area.stretches {
-        let half_m = map.lane(stretch.lane).width_m / 2.0;
-        let [left, right] =
-            [half_m, -half_m].map(|m| line(map, stretch.lane, (stretch.from_m, stretch.to_m), m));
-        overlay.strip(&left, &right, paint(colour, ZONE_TINT));
+        let place = (stretch.lane, stretch.from_m, stretch.to_m);
+        self::area(overlay, map, place, paint(colour, ZONE_TINT));
     }
     for &(lane, at_m) in &area.entries {
-        let lane = map.lane(lane);
-        let pose = lane.curve.at(at_m).pose;
-        let ends = [0.5, -0.5].map(|share| above(pose.point_at(0.0, share * lane.width_m)));
-        overlay.line(ends, 2.5, paint(colour, 1.0));
+        overlay.line(across(map, lane, at_m), 2.5, paint(colour, 1.0));
     }
+}
+
+/// Tints a part of a lane over its whole width.
+fn area(overlay: &mut Overlay, map: &CityMap, (lane, from_m, to_m): (LaneId, f64, f64), paint: OverlayPaint) {
+    let half_m = map.lane(lane).width_m / 2.0;
+    let [left, right] = [half_m, -half_m].map(|left_m| line(map, lane, (from_m, to_m), left_m));
+    overlay.strip(&left, &right, paint);
+}
+
+/// From the left to the right edge of a lane.
+fn across(map: &CityMap, lane: LaneId, at_m: f64) -> [DVec3; 2] {
+    let lane = map.lane(lane);
+    let pose = lane.curve.at(at_m).pose;
+    [0.5, -0.5].map(|share| above(pose.point_at(0.0, share * lane.width_m)))
 }
 
 /// Routes: those of all vehicles thin and beside one another, that of the selected one wide, with its own colour and a white

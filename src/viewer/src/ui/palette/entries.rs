@@ -1,0 +1,105 @@
+//! What the palette lists: the actions of the registry, and choices that only the city's state knows.
+
+use crate::ui::bar::{SPEEDS, speed_label};
+use crate::ui::commands::{self, Availability, Command, CommandContext};
+use crate::ui::{UiAction, UiState, ViewModel};
+use city3d_protocol::snapshot::VehicleId;
+use city3d_session::{Order, Speed};
+
+/// A row of the palette.
+#[derive(Clone, Debug)]
+pub(super) struct Entry {
+    pub name: String,
+    /// Its first key, empty without one.
+    pub key: String,
+    pub availability: Availability,
+    does: Deed,
+}
+
+#[derive(Clone, Debug)]
+enum Deed {
+    Command(&'static Command),
+    Select(VehicleId),
+    Scenario(String),
+    Speed(Speed),
+}
+
+impl Entry {
+    /// Does what the row says.
+    pub fn run(self, context: &mut CommandContext<'_, '_>) {
+        match self.does {
+            Deed::Command(command) => command.run(context),
+            Deed::Select(vehicle) => {
+                context.state.selection.vehicle = Some(vehicle);
+                context.state.table.reveal = true;
+            }
+            Deed::Scenario(name) => context.actions.push(UiAction::Scenario(name)),
+            Deed::Speed(speed) => context.order(Order::Speed(speed)),
+        }
+    }
+
+    fn choice(name: String, does: Deed) -> Self {
+        Self { name, key: String::new(), availability: Availability::Now, does }
+    }
+
+    fn action(command: &'static Command, availability: Availability) -> Self {
+        Self { name: command.name.to_owned(), key: command.key(), availability, does: Deed::Command(command) }
+    }
+}
+
+/// The rows that have all words, the best match first. Without words the actions alone: vehicles may be many.
+pub(super) fn matching(words: &str, state: &UiState, shown: &ViewModel<'_>) -> Vec<Entry> {
+    let words = words.trim().to_lowercase();
+    let actions = commands::all().map(|command| Entry::action(command, command.availability(state, shown)));
+    let choices = if words.is_empty() { Vec::new() } else { choices(state, shown) };
+    let mut found: Vec<_> = actions
+        .chain(choices)
+        .filter(|entry| words.split_whitespace().all(|word| entry.name.to_lowercase().contains(word)))
+        .filter(|entry| entry.availability != Availability::Never)
+        .collect();
+    found.sort_by_key(|entry| (rank(&entry.name, &words), entry.availability != Availability::Now));
+    found
+}
+
+/// Every vehicle, speed and shipped scenario.
+fn choices(state: &UiState, shown: &ViewModel<'_>) -> Vec<Entry> {
+    let vehicles = shown.run_state.now.vehicles.iter().map(|vehicle| {
+        let name = shown.interpolated.info(vehicle.id).map_or_else(String::new, |info| info.name.clone());
+        Entry::choice(format!("Select {name}"), Deed::Select(vehicle.id))
+    });
+    // Neither a log nor a city elsewhere becomes another one.
+    let has_others = shown.replay.is_none() && shown.run_state.link.is_none();
+    let scenarios = shown.scenarios.iter().filter(|choice| has_others && choice.name != shown.scenario);
+    let scenarios = scenarios.map(|choice| {
+        Entry::choice(format!("Open the scenario {}", choice.name), Deed::Scenario(choice.name.clone()))
+    });
+    let has_speed = commands::REAL_TIME.availability(state, shown) == Availability::Now;
+    let speeds = SPEEDS.into_iter().filter(|_| has_speed).map(Speed::Times);
+    let speeds =
+        speeds.map(|speed| Entry::choice(format!("Run at {}", speed_label(speed)), Deed::Speed(speed)));
+    vehicles.chain(scenarios).chain(speeds).collect()
+}
+
+/// How well a name matches: the whole, its beginning, beginnings of words, anything else.
+fn rank(name: &str, words: &str) -> u8 {
+    let name = name.to_lowercase();
+    let begins = |word: &str| name.split(|c: char| !c.is_alphanumeric()).any(|part| part.starts_with(word));
+    match () {
+        () if name == words => 0,
+        () if name.starts_with(words) => 1,
+        () if words.split_whitespace().all(begins) => 2,
+        () => 3,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::rank;
+
+    #[test]
+    fn beginnings_of_words_come_before_what_lies_within_them() {
+        let ranks =
+            ["map", "Map of the city", "Show or hide the map", "Remap keys"].map(|name| rank(name, "map"));
+        assert_eq!(ranks, [0, 1, 2, 3]);
+    }
+}
