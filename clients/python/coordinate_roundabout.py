@@ -243,12 +243,14 @@ class Coordinator:
 
 
 def main():
-    if len(sys.argv) < 2:
+    if len(sys.argv) < 2 or sys.argv[1].startswith("--"):
         sys.exit(__doc__)
     file = sys.stdin if sys.argv[1] == "-" else open(sys.argv[1])
     line = json.load(file)
     if "routes" not in line:
         sys.exit(f"{sys.argv[1]} has no routes; make it with: city3d check roundabout-coordinated --json --routes")
+    if len(sys.argv) > 2 and not sys.argv[2].isdecimal():
+        sys.exit(f"{sys.argv[2]} is no port; the city is on this machine")
     port = int(sys.argv[2]) if len(sys.argv) > 2 else 9870
     key = open(sys.argv[3], "rb").read().strip() if len(sys.argv) > 3 else None
     coordinator = Coordinator(line["routes"])

@@ -55,6 +55,8 @@ def plan(way, now):
 
 
 def main():
+    if len(sys.argv) > 1 and not sys.argv[1].isdecimal():
+        sys.exit(__doc__)
     key = open(sys.argv[2], "rb").read().strip() if len(sys.argv) > 2 else None
     port = int(sys.argv[1]) if len(sys.argv) > 1 else 9870
     try:

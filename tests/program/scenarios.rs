@@ -15,6 +15,7 @@ const CORPUS: &[(&str, usize, usize, &str)] = &[
     ("address_of_nothing", 5, 11, "write a UDP address as \"192.168.1.21:9901\""),
     ("bend_too_tight", 8, 9, "a larger steering_limit_deg or a shorter wheelbase_m"),
     ("binary_junk", 2, 118, "not UTF-8 text; save the file as UTF-8"),
+    ("control_zone_named_twice", 12, 8, "there is a control zone \"west\" already; choose another name"),
     ("disconnected_route", 6, 19, "\"south\" to lane \"north\"; name lanes that lie on one way"),
     ("duplicate_id", 12, 6, "vehicle id 1 is taken by \"a\"; choose another"),
     ("duplicate_name", 8, 8, "the name \"a\" is taken; choose another"),

@@ -219,7 +219,7 @@ impl TrafficMeasures {
             index.is_ok_and(|index| vehicles[index].motion.stands())
         };
         for (index, zone) in self.traffic.iter_mut().enumerate() {
-            let length = zone.inside().iter().filter(|id| stands(id)).count() as u32;
+            let length = zone.inside().filter(|id| stands(id)).count() as u32;
             zone.queue.add(length + self.held.count(Some(index)), dt_s);
         }
         let on_the_way = self.present.iter().map(|&index| &vehicles[index]);

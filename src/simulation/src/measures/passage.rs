@@ -118,12 +118,13 @@ pub struct ZoneTraffic {
     pub entered: u32,
     /// Vehicles that dropped out inside.
     pub aborted: u32,
-    /// Pairs of vehicles that left in another order than they entered.
+    /// Pairs of vehicles that left in another order than they entered; of two that entered at the same time, as at the start
+    /// of a run, neither was first.
     pub order_inversions: u32,
     /// Vehicles that stand inside or are held outside.
     pub queue: Queue,
-    /// Vehicles inside, in order of entry.
-    inside: Vec<VehicleId>,
+    /// Vehicles inside, in order of entry, and when they entered.
+    inside: Vec<(VehicleId, f64)>,
 }
 
 /// Length of a queue over time.
@@ -155,9 +156,9 @@ impl ZoneTraffic {
     /// Takes the next move in order of time.
     pub fn take(&mut self, by: &PassageMove) {
         match by {
-            PassageMove::Enter { vehicle, .. } => {
+            PassageMove::Enter { vehicle, time_s, .. } => {
                 self.entered += 1;
-                self.inside.push(*vehicle);
+                self.inside.push((*vehicle, *time_s));
             }
             PassageMove::Leave { passage, .. } => {
                 if let Some(before) = self.remove(passage.vehicle) {
@@ -171,16 +172,16 @@ impl ZoneTraffic {
         }
     }
 
-    /// Takes a vehicle out; gives the number of those inside that entered before it.
+    /// Takes a vehicle out; gives the number of those inside that entered before it, not at the same time.
     fn remove(&mut self, vehicle: VehicleId) -> Option<u32> {
-        let at = self.inside.iter().position(|other| *other == vehicle)?;
-        self.inside.remove(at);
-        Some(at as u32)
+        let at = self.inside.iter().position(|(other, _)| *other == vehicle)?;
+        let (_, entered_s) = self.inside.remove(at);
+        Some(self.inside.iter().filter(|(_, other_s)| *other_s < entered_s).count() as u32)
     }
 
     /// Vehicles inside, in order of entry.
-    pub fn inside(&self) -> &[VehicleId] {
-        &self.inside
+    pub fn inside(&self) -> impl ExactSizeIterator<Item = VehicleId> {
+        self.inside.iter().map(|(vehicle, _)| *vehicle)
     }
 
     /// Totals of the passages that began after the warm-up, `now_s` being the end of the observation.
@@ -296,10 +297,11 @@ mod tests {
     #[test]
     fn inversions_count_the_pairs_that_change_their_order() {
         let mut zone = ZoneTraffic::default();
-        for vehicle in [1, 2, 3] {
-            zone.take(&PassageMove::Enter { zone: 0, vehicle: VehicleId(vehicle), time_s: 0.0 });
+        // The first two at the same time.
+        for (vehicle, time_s) in [(1, 0.0), (2, 0.0), (3, 1.0)] {
+            zone.take(&PassageMove::Enter { zone: 0, vehicle: VehicleId(vehicle), time_s });
         }
-        for vehicle in [3, 1, 2] {
+        for vehicle in [3, 2, 1] {
             zone.take(&PassageMove::Leave { zone: 0, passage: passage(vehicle, 0.0, 1.0) });
         }
         assert_eq!(zone.order_inversions, 2);

@@ -117,6 +117,9 @@ fn read_zones(tables: Vec<TableFields<'_, '_>>, map: &LabMap, usual_m: f64) -> V
                 .problems
                 .add(&fields.span, format!("no lanes merge or cross in this control zone; {remedy}"));
         }
+        if !name.is_empty() && zones.iter().any(|other| other.name == name) {
+            fields.wrong("name", format!("there is a control zone \"{name}\" already; choose another name"));
+        }
         if let Some(other) = zones.iter().find(|other| !other.conflicts.is_disjoint(&zone.conflicts)) {
             let message = format!(
                 "control zones \"{}\" and \"{name}\" have conflicts in common; put their junctions into one zone",

@@ -1,5 +1,6 @@
 //! Locates scenarios, maps and models: files on disk take precedence over embedded ones.
 
+use super::fields::one_of;
 use city3d_control::coordination::Coordinators;
 use city3d_control::{Algorithms, Drivers};
 use std::collections::BTreeMap;
@@ -77,8 +78,9 @@ pub enum SourceError {
     },
     /// No file and no embedded scenario, map or model has this name.
     #[error(
-        "\"{}\" is neither a file nor one of the shipped {kind}: {names}; give the path of a file or one of these names",
-        shortened(name)
+        "\"{}\" is neither a file nor one of the shipped {kind}: {names}; {}",
+        shortened(name),
+        remedy(name, names)
     )]
     Unknown {
         /// The name that was asked for.
@@ -88,6 +90,13 @@ pub enum SourceError {
         /// Embedded names of this kind, separated by commas.
         names: String,
     },
+}
+
+/// What to do about a name that is unknown: the nearest one where it is near.
+fn remedy(name: &str, names: &str) -> String {
+    let nearest = one_of(name, names.split(", "));
+    let is_near = nearest.starts_with("did you mean");
+    if is_near { nearest } else { "give the path of a file or one of these names".to_owned() }
 }
 
 /// A name of some length for a message.
