@@ -143,7 +143,7 @@ impl LinkArgs {
 /// Scenario and overrides of several commands.
 #[derive(Clone, Debug, Default, PartialEq, Args)]
 struct ScenarioArgs {
-    /// A scenario file, or a shipped one: roundabout, mixed, city, straight, student
+    /// A scenario file, or a shipped one: roundabout, mixed, city, straight, student, intersection and others
     scenario: String,
     /// Seed of all random draws, instead of the scenario's
     #[arg(long, value_parser = values::seed)]

@@ -29,7 +29,7 @@ const FIRST_SCENARIO: &str = "roundabout";
 
 #[derive(Debug, Default, Args)]
 pub struct ViewArgs {
-    /// A scenario file, or a shipped one: roundabout, mixed, city, straight, student [default: roundabout, or the one
+    /// A scenario file, or a shipped one: roundabout, mixed, city, straight, student, intersection and others [default: roundabout, or the one
     /// that --city serves]
     scenario: Option<String>,
     /// Seed of all random draws, instead of the scenario's
