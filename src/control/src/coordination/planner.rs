@@ -240,41 +240,30 @@ impl Search<'_> {
         }
         let free = planner.free(start, entry_m, request.time_weight);
         let free_s = free.last().map_or(start.time_s, |piece| piece.end().time_s);
-        let latest_s = planner.slowest(start, entry_m).end().time_s;
-        let tried = |pieces: Vec<Piece>| {
-            let mut plan = before.clone();
-            pieces.into_iter().for_each(|piece| plan.push(piece));
-            plan.push(planner.through(plan.end(), exit_m));
-            let lack_s = lack(&plan);
-            (plan, lack_s)
-        };
-        let cheapest = |arrival_s: f64| {
-            let is_free = arrival_s == free_s;
-            let pieces =
-                if is_free { Some(free.clone()) } else { planner.arriving_at(start, entry_m, arrival_s) };
-            pieces.map(tried)
-        };
-        let attempt = |arrival_s: f64, brakes_first: bool| {
-            let cheapest = cheapest(arrival_s);
-            if !brakes_first || cheapest.as_ref().is_none_or(|(_, lack_s)| *lack_s <= GAP_TOLERANCE_S) {
-                return cheapest;
-            }
-            let firmer = planner.braking_first(start, entry_m, arrival_s).map(tried);
-            firmer.into_iter().find(|(_, lack_s)| *lack_s <= GAP_TOLERANCE_S).or(cheapest)
-        };
-        let mut arrival_s = free_s.max(entry.earliest_s);
+        let way = SectionWay { planner, before, start, entry_m, exit_m, free, free_s, lack };
+        self.soonest(&way, entry)
+    }
+
+    /// The soonest way that keeps the gaps; of those that arrive at a time the cheapest.
+    fn soonest(
+        &mut self,
+        way: &SectionWay<'_, impl Fn(&MotionPlan) -> f64>,
+        entry: SectionEntry,
+    ) -> Result<MotionPlan, f64> {
+        let latest_s = way.planner.slowest(way.start, way.entry_m).end().time_s;
+        let mut arrival_s = way.free_s.max(entry.earliest_s);
         // The last arrival that was too soon, with its lack.
         let mut too_soon: Option<(f64, f64)> = None;
         let mut last_gain: f64 = 1.0;
         let mut brakes_first = false;
         while self.trials > 0 && arrival_s <= latest_s {
             self.trials -= 1;
-            let Some((plan, lack_s)) = attempt(arrival_s, brakes_first) else {
+            let Some((plan, lack_s)) = way.arriving_at(arrival_s, brakes_first) else {
                 arrival_s += LEAST_DELAY_S;
                 continue;
             };
             if lack_s <= GAP_TOLERANCE_S {
-                let attempt = |arrival_s| attempt(arrival_s, brakes_first);
+                let attempt = |arrival_s| way.arriving_at(arrival_s, brakes_first);
                 let sooner = too_soon.and_then(|(soon_s, _)| soonest_between(soon_s, arrival_s, attempt));
                 return Ok(sooner.unwrap_or(plan));
             }
@@ -295,6 +284,54 @@ impl Search<'_> {
             arrival_s += (lack_s / sure_gain).max(LEAST_DELAY_S);
         }
         Err(arrival_s - latest_s)
+    }
+}
+
+/// The way up to one section and through it, behind a plan of what is before.
+#[derive(Debug)]
+struct SectionWay<'s, L> {
+    planner: ApproachPlanner<'s>,
+    before: &'s MotionPlan,
+    start: MotionState,
+    /// Front-axle centre where the front enters the section, and where the rear has left it.
+    entry_m: f64,
+    exit_m: f64,
+    /// The way up to the section with nobody in the way, and when it arrives.
+    free: Vec<Piece>,
+    free_s: f64,
+    /// By how much a plan is too soon, seconds.
+    lack: L,
+}
+
+impl<L: Fn(&MotionPlan) -> f64> SectionWay<'_, L> {
+    /// The cheapest way that arrives at a time, with its lack. If it is too close behind somebody and `brakes_first`, the
+    /// gentlest one that is not because it brakes sooner.
+    fn arriving_at(&self, arrival_s: f64, brakes_first: bool) -> Option<(MotionPlan, f64)> {
+        let cheapest = self.cheapest(arrival_s);
+        if !brakes_first || cheapest.as_ref().is_none_or(|(_, lack_s)| *lack_s <= GAP_TOLERANCE_S) {
+            return cheapest;
+        }
+        let firmer = self.planner.braking_first(self.start, self.entry_m, arrival_s);
+        let mut firmer = firmer.map(|pieces| self.through(pieces));
+        firmer.find(|(_, lack_s)| *lack_s <= GAP_TOLERANCE_S).or(cheapest)
+    }
+
+    fn cheapest(&self, arrival_s: f64) -> Option<(MotionPlan, f64)> {
+        let pieces = if arrival_s == self.free_s {
+            self.free.clone()
+        } else {
+            self.planner.arriving_at(self.start, self.entry_m, arrival_s)?
+        };
+        Some(self.through(pieces))
+    }
+
+    /// A way up to the section, and on through it.
+    fn through(&self, pieces: Vec<Piece>) -> (MotionPlan, f64) {
+        let mut plan = self.before.clone();
+        pieces.into_iter().for_each(|piece| plan.push(piece));
+        plan.push(self.planner.through(plan.end(), self.exit_m));
+        let lack_s = (self.lack)(&plan);
+        (plan, lack_s)
     }
 }
 
