@@ -63,7 +63,7 @@ pub fn encode_decisions(tick: u64, time_s: f64, decisions: &[ControlDecision], b
         let ControlDecision { vehicle, reason, other, place, .. } = decision.lasting();
         cdr.u32(vehicle.0);
         cdr.u8(reason as u8);
-        cdr.u8(u8::from(other.is_some()) * OTHER | u8::from(place.is_some()) * PLACE);
+        cdr.u8((u8::from(other.is_some()) * OTHER) | (u8::from(place.is_some()) * PLACE));
         cdr.u32(other.map_or(0, |other| other.0));
         let motion = [decision.target_mps, decision.acceleration_mps2, decision.longitudinal_error_m];
         let numbers = place.unwrap_or_default().to_array().into_iter().chain(motion);

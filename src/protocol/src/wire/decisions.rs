@@ -107,7 +107,7 @@ impl VehicleDecision {
         out.u32(self.vehicle.0);
         out.u32(self.other.map_or(0, |other| other.0));
         out.u8(self.reason as u8);
-        out.u8(u8::from(self.other.is_some()) * OTHER | u8::from(self.place.is_some()) * PLACE);
+        out.u8((u8::from(self.other.is_some()) * OTHER) | (u8::from(self.place.is_some()) * PLACE));
         [0; 2].into_iter().for_each(|byte| out.u8(byte));
         let place = self.place.unwrap_or_default().to_array();
         let motion = [self.target_mps, self.acceleration_mps2, self.longitudinal_error_m];
