@@ -104,25 +104,23 @@ impl ProfileDrive {
         let last = self.nodes.len() - 1;
         let (from_s, to_s) = (self.nodes[0].time_s, self.nodes[last].time_s);
         let guess = (time_s - from_s) / (to_s - from_s) * last as f64;
-        let mut after = (guess.max(0.0) as usize).clamp(1, last);
-        while after < last && self.nodes[after].time_s <= time_s {
-            after += 1;
-        }
-        while after > 1 && self.nodes[after - 1].time_s > time_s {
-            after -= 1;
-        }
-        after
+        self.first_beyond(guess, |node| node.time_s > time_s)
     }
 
     /// Index of the first node beyond a position, at least 1 and at most that of the last node. Nodes are at whole steps.
     fn node_after(&self, position_m: f64) -> usize {
-        let last = self.nodes.len() - 1;
         let steps = position_m / STEP_M - whole(self.nodes[0].position_m / STEP_M);
-        let mut after = (steps.max(0.0) as usize).clamp(1, last);
-        while after < last && self.nodes[after].position_m <= position_m {
+        self.first_beyond(steps, |node| node.position_m > position_m)
+    }
+
+    /// Index of the first node that is beyond a place, at least 1 and at most that of the last node, from a guess near it.
+    fn first_beyond(&self, guess: f64, is_beyond: impl Fn(&Node) -> bool) -> usize {
+        let last = self.nodes.len() - 1;
+        let mut after = (guess.max(0.0) as usize).clamp(1, last);
+        while after < last && !is_beyond(&self.nodes[after]) {
             after += 1;
         }
-        while after > 1 && self.nodes[after - 1].position_m > position_m {
+        while after > 1 && is_beyond(&self.nodes[after - 1]) {
             after -= 1;
         }
         after

@@ -337,13 +337,21 @@ fn article(noun: &str) -> &'static str {
 /// Suggestion for an unknown name: the nearest name by edit distance, or all names.
 pub fn one_of<'n>(found: &str, names: impl Iterator<Item = &'n str>) -> String {
     let names: Vec<&str> = names.collect();
+    if let Some(question) = did_you_mean(found, names.iter().copied()) {
+        return question;
+    }
     let nearest = names.iter().map(|name| (edit_distance(found, name), *name)).min();
     match nearest {
-        Some((distance, name)) if distance <= 1 + name.len() / 4 => format!("did you mean \"{name}\"?"),
         Some(_) if names.len() <= 24 => format!("there are: {}", names.join(", ")),
         Some((_, name)) => format!("there are {} names, the nearest is \"{name}\"", names.len()),
         None => "there are none".to_owned(),
     }
+}
+
+/// Suggestion of the nearest name by edit distance, if it is near.
+pub fn did_you_mean<'n>(found: &str, names: impl Iterator<Item = &'n str>) -> Option<String> {
+    let (distance, name) = names.map(|name| (edit_distance(found, name), name)).min()?;
+    (distance <= 1 + name.len() / 4).then(|| format!("did you mean \"{name}\"?"))
 }
 
 fn edit_distance(a: &str, b: &str) -> usize {

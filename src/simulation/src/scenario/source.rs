@@ -1,6 +1,6 @@
 //! Locates scenarios, maps and models: files on disk take precedence over embedded ones.
 
-use super::fields::one_of;
+use super::fields::did_you_mean;
 use city3d_control::coordination::Coordinators;
 use city3d_control::{Algorithms, Drivers};
 use std::collections::BTreeMap;
@@ -94,9 +94,8 @@ pub enum SourceError {
 
 /// What to do about a name that is unknown: the nearest one where it is near.
 fn remedy(name: &str, names: &str) -> String {
-    let nearest = one_of(name, names.split(", "));
-    let is_near = nearest.starts_with("did you mean");
-    if is_near { nearest } else { "give the path of a file or one of these names".to_owned() }
+    let question = did_you_mean(name, names.split(", "));
+    question.unwrap_or_else(|| "give the path of a file or one of these names".to_owned())
 }
 
 /// A name of some length for a message.
