@@ -1,13 +1,13 @@
 #!/bin/sh
 # The experiments of coordination: the roundabout, an intersection under every controller, human drivers among automated
-# vehicles, planning again, a corridor and a merge, each in the ideal environment and in the testbed emulator.
+# vehicles, planning again, a corridor, a merge and a platoon, each in the ideal environment and in the testbed emulator.
 # Usage: scripts/coordination.sh [FOLDER] [SEEDS] [EXPERIMENT ...]; docs/coordination.md has what came out.
 set -eu
 cd "$(dirname "$0")/.."
 out=${1:-out/coordination}
 seeds=${2:-1..20}
 [ $# -ge 2 ] && shift 2 || shift $#
-[ $# -gt 0 ] || set -- roundabout intersection penetration replanning corridor merge
+[ $# -gt 0 ] || set -- roundabout intersection penetration replanning corridor merge platoon
 # Another program than that of this folder: CITY3D=/usr/bin/city3d scripts/coordination.sh
 city3d=${CITY3D:-}
 if [ -z "$city3d" ]; then
@@ -107,6 +107,41 @@ merge() {
     for environment in ideal testbed; do
         for algorithm in none fifo insert; do
             sweep "merge-$algorithm-$environment" merge --environment "$environment" --set "coordination.algorithm=$algorithm"
+        done
+    done
+}
+
+# gains FREQUENCY TABLE: amplification of each car's speed and from the first to the last car, by the Fourier components of
+# their speeds at the leader's frequency from 60 s to 140 s.
+gains() {
+    awk -F, -v frequency="$1" '
+        NR == 1 { for (k = 1; k <= NF; k++) column[$k] = k; next }
+        $column["t"] > 60 && $column["t"] < 140.0001 {
+            id = $column["id"]; phase = 2 * 3.14159265358979 * frequency * $column["t"]
+            c[id] += $column["speed"] * cos(phase); s[id] += $column["speed"] * sin(phase); if (id > last) last = id }
+        END { low = 1e9
+            for (id = 2; id <= last; id++) {
+                gain = sqrt(c[id] ^ 2 + s[id] ^ 2) / sqrt(c[id - 1] ^ 2 + s[id - 1] ^ 2)
+                if (gain < low) low = gain; if (gain > high) high = gain }
+            printf "%.3f %.3f %.3f\n", low, high, sqrt(c[last] ^ 2 + s[last] ^ 2) / sqrt(c[1] ^ 2 + s[1] ^ 2) }' "$2"
+}
+
+# Seven cars behind a leader whose speed oscillates: does the oscillation grow?
+platoon() {
+    seeds_of_testbed=$(seq "${seeds%..*}" "${seeds#*..}")
+    for controller in cacc ploeg idm; do
+        for frequency in 0.05 0.1 0.2; do
+            set -- --set "driver.default.controller=$controller" --set "driver.leader.frequency_hz=$frequency"
+            "$city3d" run platoon "$@" --out "$out/platoon-$controller-$frequency" --force >/dev/null
+            echo "platoon ideal $controller $frequency Hz: a car, a car, first to last:" \
+                "$(gains "$frequency" "$out/platoon-$controller-$frequency/vehicles.csv")"
+            for seed in $seeds_of_testbed; do
+                "$city3d" run platoon "$@" --environment testbed --seed "$seed" --out "$out/platoon-testbed" --force >/dev/null
+                gains "$frequency" "$out/platoon-testbed/vehicles.csv"
+            done | awk -v name="platoon testbed $controller $frequency Hz, first to last" '
+                { sum += $3; squares += $3 * $3; n++ }
+                END { m = sum / n; spread = squares / n - m * m; if (spread < 0) spread = 0
+                      printf "%s: %.3f +- %.3f\n", name, m, n > 1 ? 2.093 * sqrt(spread / (n - 1)) : 0 }'
         done
     done
 }

@@ -16,6 +16,7 @@ const CORPUS: &[(&str, usize, usize, &str)] = &[
     ("bend_too_tight", 8, 9, "a larger steering_limit_deg or a shorter wheelbase_m"),
     ("binary_junk", 2, 118, "not UTF-8 text; save the file as UTF-8"),
     ("control_zone_named_twice", 12, 8, "there is a control zone \"west\" already; choose another name"),
+    ("coordination_too_fast", 9, 17, "its desired speed 0.35; set min_speed_mps below that"),
     ("disconnected_route", 6, 19, "\"south\" to lane \"north\"; name lanes that lie on one way"),
     ("duplicate_id", 12, 6, "vehicle id 1 is taken by \"a\"; choose another"),
     ("duplicate_name", 8, 8, "the name \"a\" is taken; choose another"),

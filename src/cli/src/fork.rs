@@ -2,7 +2,7 @@
 
 use super::files::{LogArgs, log_of};
 use super::run::{files_of, simulate_rest};
-use super::{Failure, ModelArg, ProfileArg, ScenarioArgs, load, on_end, progress, replay};
+use super::{ChangeArgs, Failure, ModelArg, ProfileArg, ScenarioArgs, load, on_end, progress, replay};
 use city3d_logbook::record::{LogOrigin, is_log};
 use city3d_logbook::replay::Replay;
 use city3d_protocol::snapshot::ModelKind;
@@ -91,12 +91,12 @@ impl ForkedRun<'_> {
             )));
         }
         let Some(scenario) = self.scenario else {
-            if self.args.seed.is_some() || self.args.model.is_some() || self.args.environment.is_some() {
+            if self.args.changed.has_more_than_duration() {
                 return Err(Failure::bad_input(
-                    "with --from-tick, --seed, --model and --environment need --scenario",
+                    "with --from-tick, --seed, --model, --environment and --set need --scenario",
                 ));
             }
-            let duration_s = self.args.duration.unwrap_or(original.duration_s);
+            let duration_s = self.args.changed.duration.unwrap_or(original.duration_s);
             return original.lasting(duration_s).map_err(Failure::bad_input);
         };
         // Changes by the command line of the log stay, unless they are changed again.
@@ -109,13 +109,13 @@ impl ForkedRun<'_> {
             EnvironmentProfile::Ideal => ProfileArg::Ideal,
             EnvironmentProfile::Testbed => ProfileArg::Testbed,
         });
-        let args = ScenarioArgs {
-            scenario: scenario.clone(),
-            seed: self.args.seed.or(Some(original.seed)),
-            duration: self.args.duration,
-            model: self.args.model.or(model),
-            environment: self.args.environment.or(profile),
+        let changed = ChangeArgs {
+            seed: self.args.changed.seed.or(Some(original.seed)),
+            model: self.args.changed.model.or(model),
+            environment: self.args.changed.environment.or(profile),
+            ..self.args.changed.clone()
         };
+        let args = ScenarioArgs { scenario: scenario.clone(), changed };
         let changed = load::experiment(&args)?;
         let wrong = differences(original, &changed, self.from_tick);
         if !wrong.is_empty() {

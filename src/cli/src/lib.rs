@@ -43,7 +43,7 @@ use city3d_outputs::OutputError;
 use city3d_protocol::wire::Authenticator;
 use city3d_session::{ExistingResults, SessionError};
 use city3d_simulation::environment::EnvironmentProfile;
-use city3d_simulation::scenario::{Overrides, ScenarioRequest};
+use city3d_simulation::scenario::{Overrides, ScenarioChange, ScenarioRequest};
 use clap::{Args, CommandFactory, FromArgMatches, Parser, Subcommand, ValueEnum};
 use signals::on_end;
 use std::io::IsTerminal;
@@ -145,6 +145,13 @@ impl LinkArgs {
 struct ScenarioArgs {
     /// A scenario file, or a shipped one: roundabout, mixed, city, straight, student, intersection and others
     scenario: String,
+    #[command(flatten)]
+    changed: ChangeArgs,
+}
+
+/// What is set otherwise than in a scenario.
+#[derive(Clone, Debug, Default, PartialEq, Args)]
+struct ChangeArgs {
     /// Seed of all random draws, instead of the scenario's
     #[arg(long, value_parser = values::seed)]
     seed: Option<u64>,
@@ -157,6 +164,10 @@ struct ScenarioArgs {
     /// Environment profile (delay, loss, noise, disturbance), instead of the scenario's
     #[arg(long)]
     environment: Option<ProfileArg>,
+    /// Another value of the scenario, by its dotted path: coordination.algorithm=fifo, vehicle.path1_a.at_m=0.4 or
+    /// inflow.*.rate_veh_h=300; repeat for several
+    #[arg(long, value_name = "KEY=VALUE")]
+    set: Vec<ScenarioChange>,
 }
 
 /// An environment on the command line.
@@ -184,19 +195,29 @@ enum ModelArg {
 impl ScenarioArgs {
     /// The scenario with what is set otherwise.
     fn request(&self) -> ScenarioRequest {
+        let (overrides, changes) = (self.changed.overrides(), self.changed.set.clone());
+        ScenarioRequest { scenario: self.scenario.clone(), overrides, changes }
+    }
+}
+
+impl ChangeArgs {
+    /// Whether more than the duration is set, which a recorded run cannot take.
+    fn has_more_than_duration(&self) -> bool {
+        self.seed.is_some() || self.model.is_some() || self.environment.is_some() || !self.set.is_empty()
+    }
+
+    fn overrides(&self) -> Overrides {
         let model = self.model.map(|model| match model {
             ModelArg::Raycast => ModelKind::Raycast,
             ModelArg::Bicycle => ModelKind::Bicycle,
         });
-        let environment = self.environment.map(ProfileArg::profile);
-        let overrides = Overrides {
+        Overrides {
             seed: self.seed,
             duration_s: self.duration,
             model,
-            environment,
+            environment: self.environment.map(ProfileArg::profile),
             allows_no_vehicles: false,
-        };
-        ScenarioRequest { scenario: self.scenario.clone(), overrides }
+        }
     }
 }
 

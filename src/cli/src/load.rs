@@ -1,7 +1,7 @@
 //! Loads the experiment of a command's arguments.
 
 use super::{Failure, ScenarioArgs};
-use city3d_simulation::scenario::{Experiment, Library, Overrides, ScenarioRequest, read_experiment};
+use city3d_simulation::scenario::{Experiment, Library, read_experiment};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -21,9 +21,9 @@ pub fn inputs(scenario: &str, experiment: &Experiment) -> Vec<PathBuf> {
 
 /// The experiment of a served city: vehicles come over the link, so it may have none of its own.
 pub fn city(args: &ScenarioArgs) -> Result<Experiment, Failure> {
-    let ScenarioRequest { scenario, overrides } = args.request();
-    let overrides = Overrides { allows_no_vehicles: true, ..overrides };
-    ScenarioRequest { scenario, overrides }.read().map_err(Failure::bad_input)
+    let mut request = args.request();
+    request.overrides.allows_no_vehicles = true;
+    request.read().map_err(Failure::bad_input)
 }
 
 /// The city with so much traffic, whatever its scenario says.
@@ -34,17 +34,12 @@ pub fn city_of(vehicles: u32, seed: Option<u64>) -> Result<Experiment, Failure> 
     if let Some(traffic) = table.get_mut("traffic").and_then(toml::Value::as_table_mut) {
         traffic.insert("vehicles".to_owned(), i64::from(vehicles).into());
     }
-    let overrides = Overrides { seed, ..Overrides::default() };
+    let overrides = city3d_simulation::scenario::Overrides { seed, ..Default::default() };
     read_experiment("city", &table.to_string(), &library, overrides).map_err(Failure::bad_input)
 }
 
-/// The experiment of a text that is the scenario's, or was made from it.
-pub fn from_text(
-    args: &ScenarioArgs,
-    text: &str,
-    library: &Library,
-    allows_no_vehicles: bool,
-) -> Result<Experiment, Failure> {
-    let overrides = Overrides { allows_no_vehicles, ..args.request().overrides };
+/// The experiment of a text that was made from the scenario's.
+pub fn from_text(args: &ScenarioArgs, text: &str, library: &Library) -> Result<Experiment, Failure> {
+    let overrides = args.changed.overrides();
     read_experiment(&args.scenario, text, library, overrides).map_err(Failure::bad_input)
 }

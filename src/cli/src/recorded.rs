@@ -1,7 +1,7 @@
 //! `city3d replay POSES`: makes a run of poses that were measured elsewhere, smoothed, with the same files as any run.
 
 use super::files::{LogArgs, conclude, fail_if_stopped};
-use super::{Failure, ScenarioArgs, load, on_end, progress};
+use super::{ChangeArgs, Failure, ScenarioArgs, load, on_end, progress};
 use city3d_logbook::record::{FileKind, LogOrigin, file_kind};
 use city3d_session::recorded::{MeasurementGap, RecordedPoses, RecordedPosesError};
 use city3d_session::{RunFiles, RunFolders};
@@ -55,7 +55,8 @@ impl PosesReplay<'_> {
     }
 
     fn scenario(&self, duration: Option<f64>) -> ScenarioArgs {
-        ScenarioArgs { scenario: self.scenario.to_owned(), duration, ..ScenarioArgs::default() }
+        let changed = ChangeArgs { duration, ..ChangeArgs::default() };
+        ScenarioArgs { scenario: self.scenario.to_owned(), changed }
     }
 
     /// Warns of poses that are probably wrong, and refuses those that certainly are.

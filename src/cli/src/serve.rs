@@ -117,7 +117,7 @@ impl ServeArgs {
 
     /// With a duration of its own the city ends by itself.
     fn end(&self, experiment: &Experiment) -> SessionEnd {
-        match self.scenario.duration {
+        match self.scenario.changed.duration {
             Some(_) => SessionEnd::AtTick(experiment.ticks()),
             None => SessionEnd::Never,
         }

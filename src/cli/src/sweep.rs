@@ -2,7 +2,7 @@
 
 use super::overwrite::OverwriteArgs;
 use super::say::say;
-use super::{Failure, ProfileArg, ScenarioArgs, load, on_end, plot};
+use super::{ChangeArgs, Failure, ProfileArg, ScenarioArgs, load, on_end, plot};
 use city3d_logbook::sweep::{self, MAPS, SweepHeader, SweepResults, SweepTable, SweepTableError};
 use city3d_outputs::{OutputFolder, refuse_inputs};
 use city3d_simulation::runner::RunMetrics;
@@ -16,14 +16,15 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::mpsc::{Receiver, Sender, channel};
 
+/// What `--set` is for here.
+const AXES_HELP: &str = "A parameter of the scenario and its values: environment.command_delay_s=0:0.3:0.05 (from, to, \
+    step), right_of_way.clear_area_m=0.4,0.8 or vehicle.path1_a.at_m=0.3,0.4; repeat for several axes";
+
 #[derive(Debug, Args)]
+#[command(mut_arg("set", |set| set.value_name("KEY=VALUES").help(AXES_HELP)))]
 pub struct SweepArgs {
     #[command(flatten)]
     scenario: ScenarioArgs,
-    /// A parameter of the scenario and its values: environment.command_delay_s=0:0.3:0.05 (from, to, step),
-    /// right_of_way.clear_area_m=0.4,0.8 or vehicle.path1_a.at_m=0.3,0.4; repeat for several axes
-    #[arg(long = "set", value_name = "KEY=VALUES")]
-    set: Vec<Axis>,
     /// Seeds: 1..20 (both included) or 1,4,9 [default: the scenario's]
     #[arg(long, value_name = "SEEDS", conflicts_with = "seed")]
     seeds: Option<Seeds>,
@@ -42,7 +43,7 @@ pub struct SweepArgs {
 /// The runs of a sweep.
 struct SweepPlan {
     args: ScenarioArgs,
-    document: toml::Table,
+    text: String,
     library: Library,
     jobs: Vec<Job>,
 }
@@ -51,8 +52,8 @@ impl SweepPlan {
     /// Validates every value of each axis before the first run.
     fn check(&self, axes: &[Axis]) -> Result<(), Failure> {
         for job in axes.iter().flat_map(|axis| jobs(std::slice::from_ref(axis), None)).flatten() {
-            let text = job.scenario(&self.document).map_err(Failure::bad_input)?;
-            load::from_text(&self.args, &text, &self.library, false)?;
+            let text = job.scenario(&self.text).map_err(Failure::bad_input)?;
+            load::from_text(&self.args, &text, &self.library)?;
         }
         Ok(())
     }
@@ -60,9 +61,10 @@ impl SweepPlan {
     /// Runs one job; gives its row.
     fn run(&self, index: usize) -> Result<Vec<String>, Failure> {
         let job = &self.jobs[index];
-        let text = job.scenario(&self.document).map_err(Failure::bad_input)?;
-        let args = ScenarioArgs { seed: job.seed.or(self.args.seed), ..self.args.clone() };
-        let experiment = Arc::new(load::from_text(&args, &text, &self.library, false)?);
+        let text = job.scenario(&self.text).map_err(Failure::bad_input)?;
+        let changed = ChangeArgs { seed: job.seed.or(self.args.changed.seed), ..self.args.changed.clone() };
+        let args = ScenarioArgs { changed, ..self.args.clone() };
+        let experiment = Arc::new(load::from_text(&args, &text, &self.library)?);
         let seed = experiment.seed;
         let outcome = RunMetrics::of(experiment).map_err(Failure::bad_input)?;
         Ok(sweep::row(job, seed, &outcome))
@@ -72,18 +74,20 @@ impl SweepPlan {
 pub fn sweep(args: &SweepArgs) -> Result<(), Failure> {
     let (text, library) = Library::scenario(&args.scenario.scenario).map_err(Failure::bad_input)?;
     // Errors of the unchanged scenario are reported with their places.
-    let unchanged = load::from_text(&args.scenario, &text, &library, false)?;
+    let unchanged = load::from_text(&args.scenario, &text, &library)?;
     let document: toml::Table = text.parse().map_err(Failure::bad_input)?;
+    let axes = args.scenario.changed.set.iter().map(Axis::of).collect::<Result<Vec<_>, _>>();
+    let axes = axes.map_err(Failure::bad_input)?;
     check_axes(args)?;
-    let jobs = jobs(&args.set, args.seeds.as_ref()).map_err(Failure::bad_input)?;
-    let plan = SweepPlan { args: args.scenario.clone(), document, library, jobs };
-    plan.check(&args.set)?;
+    let jobs = jobs(&axes, args.seeds.as_ref()).map_err(Failure::bad_input)?;
+    let plan = SweepPlan { args: args.scenario.clone(), text, library, jobs };
+    plan.check(&axes)?;
     let maps = plot::files_of(MAPS.into_iter());
     let files = SweepTable::FILES.into_iter().chain(maps.iter().map(String::as_str));
     let inputs = load::inputs(&args.scenario.scenario, &unchanged);
     refuse_inputs(&inputs, files.map(|file| args.out.join(file)))?;
     let locked = OutputFolder::open(&args.out)?;
-    let head = SweepHeader::new(&args.scenario.request().overrides, &text, &args.set, &plan.jobs);
+    let head = SweepHeader::new(&args.scenario.request().overrides, &plan.text, &axes, &plan.jobs);
     let mut table = match SweepTable::open(&args.out, &head) {
         Err(SweepTableError::Other { .. } | SweepTableError::Damaged { .. }) if args.overwrite.force => {
             SweepTable::replace(&args.out, &head)
@@ -110,9 +114,9 @@ pub fn sweep(args: &SweepArgs) -> Result<(), Failure> {
     }
     let rows = table.into_rows();
     say(format_args!("{} runs: {}", rows.len(), args.out.join("sweep.csv").display()))?;
-    let is_testbed = args.scenario.environment == Some(ProfileArg::Testbed)
-        || args.set.iter().any(|axis| axis.key.starts_with("environment."));
-    let results = SweepResults { axes: &args.set, rows: &rows, document: &plan.document, is_testbed };
+    let is_testbed = args.scenario.changed.environment == Some(ProfileArg::Testbed)
+        || axes.iter().any(|axis| axis.key.starts_with("environment."));
+    let results = SweepResults { axes: &axes, rows: &rows, document: &document, is_testbed };
     let figures = results.figures();
     for figure in &figures {
         city3d_logbook::figures::write(figure, args.size.size(), &args.out).map_err(Failure::failed)?;
@@ -123,14 +127,15 @@ pub fn sweep(args: &SweepArgs) -> Result<(), Failure> {
 
 /// Checks that no other option replaces what an axis varies.
 fn check_axes(args: &SweepArgs) -> Result<(), Failure> {
-    let ScenarioArgs { seed, duration, .. } = &args.scenario;
+    let ChangeArgs { seed, duration, .. } = &args.scenario.changed;
     let options = [
         ("seed", "--seeds", args.seeds.is_some()),
         ("seed", "--seed", seed.is_some()),
         ("duration_s", "--duration", duration.is_some()),
     ];
-    let clash =
-        options.iter().find(|(key, _, is_given)| *is_given && args.set.iter().any(|axis| axis.key == *key));
+    let clash = options.iter().find(|(key, _, is_given)| {
+        *is_given && args.scenario.changed.set.iter().any(|change| change.key == *key)
+    });
     clash.map_or(Ok(()), |(key, option, _)| {
         Err(Failure::bad_input(format!(
             "--set {key} and {option} both say what {key} is; leave one of them out"

@@ -3,7 +3,7 @@
 use super::overwrite::OverwriteArgs;
 use super::say::{complain, say};
 use super::signals::at_end;
-use super::{Failure, LinkArgs, ModelArg, ProfileArg, ScenarioArgs, load, look, on_end};
+use super::{ChangeArgs, Failure, LinkArgs, ScenarioArgs, load, look, on_end};
 use city3d_logbook::record::{LogOrigin, LogReader};
 use city3d_outputs::refuse_inputs;
 use city3d_render::{AdapterPreference, write_png};
@@ -32,18 +32,8 @@ pub struct ViewArgs {
     /// A scenario file, or a shipped one: roundabout, mixed, city, straight, student, intersection and others [default: roundabout, or the one
     /// that --city serves]
     scenario: Option<String>,
-    /// Seed of all random draws, instead of the scenario's
-    #[arg(long, value_parser = super::values::seed)]
-    seed: Option<u64>,
-    /// Simulated seconds, instead of the scenario's
-    #[arg(long, value_name = "S", value_parser = super::values::duration)]
-    duration: Option<f64>,
-    /// Dynamics model of all vehicles, instead of the scenario's
-    #[arg(long)]
-    model: Option<ModelArg>,
-    /// Environment profile (delay, loss, noise, disturbance), instead of the scenario's
-    #[arg(long)]
-    environment: Option<ProfileArg>,
+    #[command(flatten)]
+    changed: ChangeArgs,
     /// Folder for the logs: run-1 for the first run, run-2 after a reset [default: a new one in the user's data folder].
     /// With --city: the folder itself, part-2 after a reset [default: nothing is written]
     #[arg(long, value_name = "DIR")]
@@ -292,13 +282,8 @@ impl WindowArgs {
 
 impl ViewArgs {
     fn scenario(&self, usual: &str) -> ScenarioArgs {
-        ScenarioArgs {
-            scenario: self.scenario.clone().unwrap_or_else(|| usual.to_owned()),
-            seed: self.seed,
-            duration: self.duration,
-            model: self.model,
-            environment: self.environment,
-        }
+        let scenario = self.scenario.clone().unwrap_or_else(|| usual.to_owned());
+        ScenarioArgs { scenario, changed: self.changed.clone() }
     }
 
     /// A session that watches a city elsewhere, or visits it.

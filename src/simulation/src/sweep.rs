@@ -1,6 +1,6 @@
 //! Parameter grid of a sweep: axes over values of a scenario, seeds, and the runs of their combinations.
 
-use crate::scenario::MOST_SEED;
+use crate::scenario::{ChangeError, MOST_SEED, ScenarioChange, literal, with_changes};
 use std::str::FromStr;
 use thiserror::Error;
 use toml::Value;
@@ -21,12 +21,6 @@ const MAX_RUNS: usize = 1_000_000;
 /// Why there is no such grid.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 pub enum GridError {
-    /// An axis has no values.
-    #[error("write KEY=VALUES, such as environment.loss=0,0.1")]
-    NoValues,
-    /// The key of an axis is empty, or has an empty part.
-    #[error("\"{0}\" is not a key of a scenario; write a dotted path, such as environment.loss")]
-    Key(String),
     /// A bound or the step of a range is no finite number.
     #[error("\"{0}\" is not a number; write FROM:TO:STEP, such as 0:0.3:0.05")]
     Number(String),
@@ -48,62 +42,34 @@ pub enum GridError {
     /// There are more combinations than the limit.
     #[error("more than {MAX_RUNS} runs")]
     TooManyRuns,
-    /// A key leads to a list without choosing an entry.
-    #[error("{key}: {list} is a list; write {list}.1.{rest}")]
-    WholeList {
-        /// The dotted path.
-        key: String,
-        /// The part of it that is a list.
-        list: String,
-        /// The last part of it.
-        rest: String,
-    },
-    /// A key chooses an entry that its list does not have.
-    #[error("{key}: {list} has no entry \"{entry}\"; give a name, or a number from 1")]
-    NoEntry {
-        /// The dotted path.
-        key: String,
-        /// The part of it that is a list.
-        list: String,
-        /// Name or number of the missing entry.
-        entry: String,
-    },
-    /// A key leads into a value that is neither a table nor a list.
-    #[error("{key}: {value} is a value and has no key {rest}")]
-    NoTable {
-        /// The dotted path.
-        key: String,
-        /// The part of it that is a value.
-        value: String,
-        /// The last part of it.
-        rest: String,
-    },
-    /// The changed scenario cannot be written as TOML.
+    /// The key of an axis is none, or does not lead to a value.
     #[error(transparent)]
-    Toml(#[from] toml::ser::Error),
+    Change(#[from] ChangeError),
 }
 
 impl FromStr for Axis {
     type Err = GridError;
 
     fn from_str(text: &str) -> Result<Self, GridError> {
-        let (key, values) = text.split_once('=').ok_or(GridError::NoValues)?;
-        let key = key.trim();
-        if key.is_empty() || key.split('.').any(str::is_empty) {
-            return Err(GridError::Key(key.to_owned()));
-        }
-        let values = match values.split(':').collect::<Vec<_>>()[..] {
-            [from, to, step] => steps(from, to, step)?,
-            _ => values.split(',').map(|value| literal(value.trim())).collect(),
-        };
-        Ok(Self { key: key.to_owned(), values })
+        Self::of(&text.parse()?)
     }
 }
 
-/// Parses a TOML value, or takes the text as a string.
-fn literal(text: &str) -> Value {
-    let table: Option<toml::Table> = format!("x = {text}").parse().ok();
-    table.and_then(|mut table| table.remove("x")).unwrap_or_else(|| Value::String(text.to_owned()))
+impl Axis {
+    /// The axis that a change names: its value has the values of the axis if it is a text.
+    ///
+    /// # Errors
+    /// [`GridError::Number`], [`GridError::Range`] or [`GridError::TooManyValues`] for a range.
+    pub fn of(change: &ScenarioChange) -> Result<Self, GridError> {
+        let values = match &change.value {
+            Value::String(text) => match text.split(':').collect::<Vec<_>>()[..] {
+                [from, to, step] => steps(from, to, step)?,
+                _ => text.split(',').map(|value| literal(value.trim())).collect(),
+            },
+            value => vec![value.clone()],
+        };
+        Ok(Self { key: change.key.clone(), values })
+    }
 }
 
 /// Values of a range, with both ends if the steps meet them.
@@ -153,7 +119,7 @@ impl FromStr for Seeds {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Job {
     /// Keys with their values, in the order of the axes.
-    pub settings: Vec<(String, Value)>,
+    pub settings: Vec<ScenarioChange>,
     /// Its seed, where it is not the scenario's.
     pub seed: Option<u64>,
 }
@@ -169,73 +135,31 @@ pub fn jobs(axes: &[Axis], seeds: Option<&Seeds>) -> Result<Vec<Job>, GridError>
     if count.is_none_or(|count| count > MAX_RUNS) {
         return Err(GridError::TooManyRuns);
     }
-    let mut settings: Vec<Vec<(String, Value)>> = vec![Vec::new()];
+    let mut settings: Vec<Vec<ScenarioChange>> = vec![Vec::new()];
     for axis in axes {
-        let with = |before: &Vec<(String, Value)>, value: &Value| {
-            before.iter().cloned().chain([(axis.key.clone(), value.clone())]).collect::<Vec<_>>()
+        let with = |before: &Vec<ScenarioChange>, value: &Value| {
+            let change = ScenarioChange { key: axis.key.clone(), value: value.clone() };
+            before.iter().cloned().chain([change]).collect::<Vec<_>>()
         };
         settings = settings
             .iter()
             .flat_map(|before| axis.values.iter().map(move |value| with(before, value)))
             .collect();
     }
-    let job = |settings: Vec<(String, Value)>| {
+    let job = |settings: Vec<ScenarioChange>| {
         seeds.iter().map(move |&seed| Job { settings: settings.clone(), seed }).collect::<Vec<_>>()
     };
     Ok(settings.into_iter().flat_map(job).collect())
 }
 
 impl Job {
-    /// The scenario with its settings.
+    /// The text of the scenario with its settings.
     ///
     /// # Errors
     /// When a key does not lead to a value.
-    pub fn scenario(&self, document: &toml::Table) -> Result<String, GridError> {
-        let mut changed = document.clone();
-        for (key, value) in &self.settings {
-            set(&mut changed, key, value)?;
-        }
-        Ok(toml::to_string(&changed)?)
+    pub fn scenario(&self, text: &str) -> Result<String, ChangeError> {
+        with_changes(text, &self.settings)
     }
-}
-
-/// Sets a value at a dotted path. Missing tables are created; an entry of a list is chosen by its `name` or its number
-/// from 1, all of them by `*`.
-fn set(document: &mut toml::Table, key: &str, value: &Value) -> Result<(), GridError> {
-    set_at(document, &key.split('.').collect::<Vec<_>>(), key, value)
-}
-
-/// Sets a value at a path below a table; `key` is the whole path.
-fn set_at(table: &mut toml::Table, path: &[&str], key: &str, value: &Value) -> Result<(), GridError> {
-    let (at, below) = match path {
-        [] => return Ok(()),
-        [last] => {
-            table.insert((*last).to_owned(), value.clone());
-            return Ok(());
-        }
-        [at, below @ ..] => ((*at).to_owned(), below),
-    };
-    let (whole, rest) = (key.to_owned(), path[path.len() - 1].to_owned());
-    let entry = table.entry(at.clone()).or_insert_with(|| Value::Table(toml::Table::new()));
-    match (entry, below) {
-        (Value::Table(table), _) => set_at(table, below, key, value),
-        (Value::Array(list), ["*", below @ ..]) if !below.is_empty() => {
-            list.iter_mut().filter_map(Value::as_table_mut).try_for_each(|of| set_at(of, below, key, value))
-        }
-        (Value::Array(list), [which, below @ ..]) if !below.is_empty() => {
-            let missing = || GridError::NoEntry { key: whole, list: at, entry: (*which).to_owned() };
-            set_at(entry_of(list, which).ok_or_else(missing)?, below, key, value)
-        }
-        (Value::Array(_), _) => Err(GridError::WholeList { key: whole, list: at, rest }),
-        _ => Err(GridError::NoTable { key: whole, value: at, rest }),
-    }
-}
-
-fn entry_of<'l>(list: &'l mut [Value], which: &str) -> Option<&'l mut toml::Table> {
-    let is_called = |value: &Value| value.get("name").and_then(Value::as_str) == Some(which);
-    let number = || which.parse::<usize>().ok().and_then(|number| number.checked_sub(1));
-    let index = list.iter().position(is_called).or_else(number)?;
-    list.get_mut(index)?.as_table_mut()
 }
 
 #[cfg(test)]
@@ -276,25 +200,9 @@ mod tests {
         let all = jobs(&axes, Some(&Seeds(vec![8, 9]))).unwrap();
         let told: Vec<String> = all
             .iter()
-            .map(|job| format!("{}{}{}", job.settings[0].1, job.settings[1].1, job.seed.unwrap()))
+            .map(|job| format!("{}{}{}", job.settings[0].value, job.settings[1].value, job.seed.unwrap()))
             .collect();
         assert_eq!(told, ["138", "139", "148", "149", "238", "239", "248", "249"]);
         assert_eq!(jobs(&[], None).unwrap().len(), 1);
-    }
-
-    #[test]
-    fn keys_lead_into_tables_and_lists() {
-        let document: toml::Table = "[[vehicle]]\nname = \"a\"\n[[vehicle]]\nname = \"b\"\n".parse().unwrap();
-        let with = |key: &str| {
-            let job = Job { settings: vec![(key.to_owned(), Value::Integer(5))], seed: None };
-            job.scenario(&document).map(|text| text.parse::<toml::Table>().unwrap())
-        };
-        assert_eq!(with("vehicle.b.at_m").unwrap()["vehicle"][1]["at_m"], Value::Integer(5));
-        assert_eq!(with("vehicle.1.at_m").unwrap()["vehicle"][0]["at_m"], Value::Integer(5));
-        let all = with("vehicle.*.at_m").unwrap();
-        assert!(all["vehicle"].as_array().unwrap().iter().all(|of| of["at_m"] == Value::Integer(5)));
-        assert_eq!(with("environment.loss").unwrap()["environment"]["loss"], Value::Integer(5));
-        assert!(with("vehicle.c.at_m").unwrap_err().to_string().contains("\"c\""));
-        assert!(with("vehicle.at_m").is_err() && with("vehicle.b.name.x").is_err());
     }
 }

@@ -111,7 +111,7 @@ impl End for Watch {
 /// When memory grows, somebody collides or stands for ever, or a program ends.
 pub fn soak(args: &SoakArgs) -> Result<(), Box<dyn std::error::Error + Send + Sync>> {
     let overrides = Overrides { duration_s: Some((args.hours + 1.0) * HOUR_S), ..Overrides::default() };
-    let request = ScenarioRequest { scenario: args.scenario.clone(), overrides };
+    let request = ScenarioRequest { scenario: args.scenario.clone(), overrides, changes: Vec::new() };
     let experiment = Arc::new(request.read()?);
     let longest = Duration::from_secs_f64((args.hours + 2.0) * HOUR_S);
     let lab =

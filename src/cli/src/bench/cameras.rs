@@ -2,7 +2,7 @@
 
 use crate::look::{self, LookArgs};
 use crate::say::say;
-use crate::{Failure, ModelArg, ScenarioArgs, create_folder, load};
+use crate::{ChangeArgs, Failure, ModelArg, ScenarioArgs, create_folder, load};
 use city3d_protocol::snapshot::FrameSnapshot;
 use city3d_render::benchmark::{BenchmarkOptions, ViewSource, benchmark};
 use city3d_sensors::{Camera, Lens, Mount, View};
@@ -53,7 +53,8 @@ pub fn cameras(args: &CamerasArgs) -> Result<(), Failure> {
         create_folder(folder)?;
     }
     let scenario = args.name.clone().or_else(|| args.scenario.clone()).unwrap_or_default();
-    let choice = ScenarioArgs { scenario, seed: args.seed, model: args.model, ..ScenarioArgs::default() };
+    let changed = ChangeArgs { seed: args.seed, model: args.model, ..ChangeArgs::default() };
+    let choice = ScenarioArgs { scenario, changed };
     let experiment = load::experiment(&choice)?;
     let mut renderer = look::open(&args.look, &experiment, (look::QualityArg::Low, look::PictureCount::Many))
         .map_err(look::failure)?;

@@ -25,9 +25,10 @@ impl FrameSource {
         if !is_log(path) {
             return load::experiment(args).map(Self::Scenario);
         }
-        if args.seed.is_some() || args.model.is_some() || args.environment.is_some() {
+        if args.changed.has_more_than_duration() {
             return Err(Failure::bad_input(
-                "--seed, --model and --environment cannot change a recorded run; leave them out, or give a scenario",
+                "--seed, --model, --environment and --set cannot change a recorded run; leave them out, or give a \
+                 scenario",
             ));
         }
         let (last, truncation) = last_tick(path).map_err(Failure::bad_input)?;
@@ -37,7 +38,7 @@ impl FrameSource {
         if let Some(why) = truncation {
             tracing::warn!("{}: {why}; its pictures end at {recorded_s} s", path.display());
         }
-        let duration_s = args.duration.unwrap_or(recorded_s).min(recorded_s);
+        let duration_s = args.changed.duration.unwrap_or(recorded_s).min(recorded_s);
         let experiment = Experiment { duration_s, ..Experiment::clone(replay.experiment()) };
         let carriers = CameraCarrier::of_log(path, &experiment)?;
         Ok(Self::Log(Box::new(replay), Arc::new(experiment), carriers))

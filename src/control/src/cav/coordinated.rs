@@ -40,6 +40,11 @@ impl Cav {
         self.is_on_route() && is_cav && state.inside.is_some() && !state.is_distrusted
     }
 
+    /// Whether a person drives it, or a model of one: it gets no plan.
+    pub(crate) fn is_human(&self) -> bool {
+        self.role == Role::Human || !self.heeds_others || self.coordination.is_distrusted
+    }
+
     /// Whether it gives way to all plans while it has none itself: it could have one, and asks for it.
     pub(crate) fn defers_to_plans(&self) -> bool {
         self.is_coordinated() && !self.coordination.is_among_uncoordinated

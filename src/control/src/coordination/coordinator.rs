@@ -305,6 +305,11 @@ impl ZoneVehicles {
         }
     }
 
+    /// Whether a human driver is near the zone.
+    fn has_humans(&self, cavs: &[Cav]) -> bool {
+        self.near.iter().any(|near| cavs[near.vehicle].is_human())
+    }
+
     /// The vehicles that a plan of one has to heed.
     fn heeded<'a>(
         &'a self,
@@ -550,7 +555,9 @@ impl<'a> ZoneView<'a> {
                 .heeded((self.now_s, self.params), cavs, vehicle, |other| goes_first(cavs, other));
             let request = request_of(self.now_s, self.params, cav)
                 .ok_or(Infeasible { section: cav.passage.next_section })?;
-            request.plan_among(&self.params.gaps(cav), &heeded, not_before_s)?
+            let has_humans = self.vehicles.has_humans(cavs);
+            let plan = if has_humans { PlanRequest::plan_among } else { PlanRequest::plan };
+            plan(&request, &self.params.gaps(cav), &heeded, not_before_s)?
         };
         self.requests.retain(|request| request.vehicle != vehicle);
         self.counts.plans += 1;

@@ -66,9 +66,10 @@ enum Waits {
     BeforeFirst,
 }
 
-/// The planner refuses a plan that ends more than this after the one without others, if it waits for vehicles without a plan,
-/// seconds: what those will do is not known so far ahead, and the rules of the road get through sooner.
-const MOST_LATE_AMONG_UNPLANNED_S: f64 = 3.0;
+/// Among human drivers the planner refuses a plan that ends more than this after the one without others, if it waits for
+/// vehicles without a plan, seconds: what those will do is not known so far ahead, and the rules of the road get through sooner.
+/// Without human drivers nothing is refused for that: one refusal after another would end coordination near saturation.
+const MOST_LATE_AMONG_HUMANS_S: f64 = 3.0;
 
 /// A plan that is through sooner by less may cost more.
 const WORTH_A_SLOW_DRIVE_S: f64 = 0.1;
@@ -125,7 +126,7 @@ impl PlanRequest<'_> {
             return Ok(plan);
         }
         let alone = self.plan(gaps, &[], not_before_s)?;
-        let is_too_late = plan.end().time_s > alone.end().time_s + MOST_LATE_AMONG_UNPLANNED_S;
+        let is_too_late = plan.end().time_s > alone.end().time_s + MOST_LATE_AMONG_HUMANS_S;
         if is_too_late { Err(Infeasible { section: self.passage.sections.start }) } else { Ok(plan) }
     }
 

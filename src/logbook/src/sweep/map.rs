@@ -1,14 +1,14 @@
 //! Heat maps of a sweep over one or two axes: the share of seeds with a collision and, where streams merge, the share
 //! in which a yielding vehicle merges before the others are through.
 
-use super::delay::DELAY_FLOW;
+use super::delay::{DELAY, DELAY_FLOW};
 use super::table::column;
 use crate::figures::chart::{ColourBar, Figure, HeatMapCell, Panel};
 use crate::figures::{TidyTable, number};
 use city3d_simulation::sweep::Axis;
 
 /// Names of the figures.
-pub const MAPS: [&str; 3] = ["merge_success", "collisions", DELAY_FLOW];
+pub const MAPS: [&str; 4] = ["merge_success", "collisions", DELAY_FLOW, DELAY];
 
 /// Results of a whole sweep.
 #[derive(Debug)]
@@ -41,10 +41,10 @@ struct MapText {
 }
 
 impl SweepResults<'_> {
-    /// Every figure that can be drawn: maps where the sweep has one or two axes, and delay against flow where one varies
-    /// the demand.
+    /// Every figure that can be drawn: maps where the sweep has one or two axes, and the delay where one has several
+    /// numbers.
     pub fn figures(&self) -> Vec<Figure> {
-        self.merging().into_iter().chain(self.collisions()).chain(self.delay_against_flow()).collect()
+        self.merging().into_iter().chain(self.collisions()).chain(self.delay()).collect()
     }
 
     fn merging(&self) -> Option<Figure> {

@@ -76,8 +76,7 @@ impl SweepHeader {
              {duration_s:?}, model {model:?}, environment {environment:?}\n"
         );
         for job in jobs {
-            let settings: Vec<String> =
-                job.settings.iter().map(|(key, value)| format!("{key}={value}")).collect();
+            let settings: Vec<String> = job.settings.iter().map(ToString::to_string).collect();
             text.push_str(&format!("# {} seed {:?}\n", settings.join(" "), job.seed));
         }
         text.push_str(scenario);
@@ -254,7 +253,7 @@ fn rows_of(text: &str, columns: &[String], most: usize) -> Option<Vec<Vec<String
 
 /// The row of a run with its seed, in the order of the columns.
 pub fn row(job: &Job, seed: u64, outcome: &RunMetrics) -> Vec<String> {
-    let settings = job.settings.iter().map(|(_, value)| match value {
+    let settings = job.settings.iter().map(|change| match &change.value {
         toml::Value::String(word) => word.clone(),
         other => other.to_string(),
     });

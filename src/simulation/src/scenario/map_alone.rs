@@ -1,6 +1,6 @@
 //! A map without a scenario: the city that it draws, without vehicles.
 
-use super::{Experiment, Library, LoadError, Overrides, ScenarioRequest, read_experiment};
+use super::{Experiment, Library, LoadError, Overrides, ScenarioRequest};
 use std::path::Path;
 
 /// Nothing happens in it, however long it runs.
@@ -23,7 +23,8 @@ pub fn map_alone(request: &ScenarioRequest) -> Result<Experiment, LoadError> {
     let (name, map) = (text(path.file_stem()), text(path.file_name()));
     let scenario = format!("name = {name}\nmap = {map}\nduration_s = {DURATION_S:?}\n");
     let overrides = Overrides { allows_no_vehicles: true, ..request.overrides };
-    Ok(read_experiment(&request.scenario, &scenario, &Library::beside(path), overrides)?)
+    let request = ScenarioRequest { overrides, ..request.clone() };
+    request.read_text(&scenario, &Library::beside(path))
 }
 
 #[cfg(test)]
@@ -34,10 +35,8 @@ mod tests {
     fn a_map_alone_is_a_city_without_vehicles() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("town.DXF");
-        let request = ScenarioRequest {
-            scenario: path.to_string_lossy().into_owned(),
-            overrides: Overrides::default(),
-        };
+        let request =
+            ScenarioRequest { scenario: path.to_string_lossy().into_owned(), ..ScenarioRequest::default() };
         assert!(is_map(&request));
         let said = map_alone(&request).unwrap_err().to_string();
         assert!(said.contains("town.DXF"), "{said}");

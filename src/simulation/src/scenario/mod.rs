@@ -1,5 +1,6 @@
 //! Scenario files, validated into an [`Experiment`].
 
+mod changes;
 mod document;
 mod experiment;
 mod feasibility;
@@ -24,6 +25,8 @@ mod time_of_day;
 mod traffic;
 mod vehicle_type;
 
+pub(crate) use changes::literal;
+pub use changes::{ChangeError, ScenarioChange, with_changes};
 pub use document::{EditError, ScenarioDocument, StatedVehicle, VehicleEdit};
 pub use experiment::{Expectations, Experiment, Physical, PlannedVehicle, Rates, Start, pose_on};
 pub use fields::Problem;
@@ -35,8 +38,8 @@ pub use placement::MovedStart;
 pub use read::{LoadError, MOST_SEED, Overrides, ScenarioError, ScenarioRequest, read_experiment};
 pub use read_vehicles::{LARGEST_ID, is_topic_name};
 pub use route_data::{
-    ConflictKind, LaneConflict, LaneData, RouteBody, RouteConflict, RouteData, RouteLane, RoutePassage,
-    RoutePoint, RouteStart, VehicleRoute, lane_conflicts, lane_data,
+    ArrivalData, ConflictKind, LaneConflict, LaneData, RouteBody, RouteConflict, RouteData, RouteLane,
+    RoutePassage, RoutePoint, RouteStart, VehicleRoute, Way, WayConflict, lane_conflicts, lane_data,
 };
 pub use source::{Library, SourceError, shipped_scenarios};
 pub use time_of_day::TimeOfDay;

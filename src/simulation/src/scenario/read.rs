@@ -4,13 +4,13 @@ use super::experiment::{Expectations, Experiment, PlannedVehicle, Rates};
 use super::feasibility::infeasible_starts;
 use super::fields::{Problem, Problems, TableFields};
 use super::models::{ModelReader, UserModels};
-use super::read_coordination::read_coordination;
+use super::read_coordination::{read_coordination, slowest_cav};
 use super::read_platoon::read_platoons;
 use super::read_settings::{NamedSettings, read_environment, read_rates, read_right_of_way};
 use super::read_signals::{check_room_before_signals, read_all_way_stops, read_signals};
 use super::source::LARGEST_SCENARIO_BYTES;
 use super::time_of_day::read_time_of_day;
-use super::{Library, MovedStart, SourceError, placement};
+use super::{ChangeError, Library, MovedStart, ScenarioChange, SourceError, placement, with_changes};
 use crate::environment::EnvironmentProfile;
 use city3d_dynamics::vehicle::ModelKind;
 use city3d_geometry::LengthScale;
@@ -82,6 +82,8 @@ pub struct ScenarioRequest {
     pub scenario: String,
     /// What replaces values of the file.
     pub overrides: Overrides,
+    /// Values of the file that are set otherwise, in this order.
+    pub changes: Vec<ScenarioChange>,
 }
 
 /// Why a requested scenario cannot be loaded.
@@ -93,6 +95,17 @@ pub enum LoadError {
     /// The scenario or its map has problems.
     #[error(transparent)]
     Scenario(#[from] ScenarioError),
+    /// A value cannot be set.
+    #[error(transparent)]
+    Change(#[from] ChangeError),
+    /// The scenario has problems with the values that were set.
+    #[error("{error}\n(with {changes})")]
+    Changed {
+        /// Its problems, with the lines of the scenario that has these values.
+        error: ScenarioError,
+        /// The keys and their values.
+        changes: String,
+    },
 }
 
 impl ScenarioRequest {
@@ -102,7 +115,24 @@ impl ScenarioRequest {
     /// When it cannot be read, or has problems; each has its place and remedy.
     pub fn read(&self) -> Result<Experiment, LoadError> {
         let (text, library) = Library::scenario(&self.scenario)?;
-        Ok(read_experiment(&self.scenario, &text, &library, self.overrides)?)
+        self.read_text(&text, &library)
+    }
+
+    /// Reads and validates the text of the scenario.
+    ///
+    /// # Errors
+    /// When it has problems, or a value cannot be set.
+    pub fn read_text(&self, text: &str, library: &Library) -> Result<Experiment, LoadError> {
+        let read = |text: &str| read_experiment(&self.scenario, text, library, self.overrides);
+        if self.changes.is_empty() {
+            return Ok(read(text)?);
+        }
+        let changed = with_changes(text, &self.changes)?;
+        read(&changed).map_err(|error| LoadError::Changed { error, changes: self.changes_as_text() })
+    }
+
+    fn changes_as_text(&self) -> String {
+        self.changes.iter().map(ToString::to_string).collect::<Vec<_>>().join(", ")
     }
 }
 
@@ -351,7 +381,9 @@ impl ScenarioReader<'_> {
             fleet.check_starts(root, &map, scale, &moved);
             check_room_before_signals(root, &map, scale, &fleet.vehicles);
         }
-        let coordination = read_coordination(root, &map, self.library);
+        let arriving = demand.arrivals.iter().map(|arrival| &arrival.vehicle);
+        let slowest = slowest_cav(fleet.vehicles.iter().chain(arriving));
+        let coordination = read_coordination(root, &map, self.library, slowest);
         Experiment {
             name,
             description,

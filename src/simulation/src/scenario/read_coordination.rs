@@ -1,9 +1,9 @@
 //! `[coordination]` and `[[control_zone]]`: which vehicles are coordinated, where and how, and where passages are measured.
 
-use super::Library;
 use super::fields::{TableFields, one_of};
-use city3d_control::CoordinationRules;
+use super::{Library, PlannedVehicle};
 use city3d_control::coordination::{ControlZone, CoordinationParams};
+use city3d_control::{CoordinationRules, Role};
 use city3d_roadmap::{LabMap, LaneId, LaneKind};
 use std::collections::BTreeSet;
 use std::ops::Range;
@@ -23,8 +23,20 @@ pub struct ZonesAndRules {
     pub rules: Option<CoordinationRules>,
 }
 
-/// Reads the control zones of a scenario and their coordination.
-pub fn read_coordination(root: &TableFields<'_, '_>, map: &LabMap, library: &Library) -> ZonesAndRules {
+/// The coordinated vehicle with the least desired speed.
+pub fn slowest_cav<'v>(vehicles: impl Iterator<Item = &'v PlannedVehicle>) -> Option<&'v PlannedVehicle> {
+    let cavs = vehicles.filter(|vehicle| vehicle.role == Role::Cav);
+    cavs.min_by(|a, b| a.driver.desired_speed_mps.total_cmp(&b.driver.desired_speed_mps))
+}
+
+/// Reads the control zones of a scenario and their coordination. `slowest` is the coordinated vehicle with the least
+/// desired speed.
+pub fn read_coordination(
+    root: &TableFields<'_, '_>,
+    map: &LabMap,
+    library: &Library,
+    slowest: Option<&PlannedVehicle>,
+) -> ZonesAndRules {
     let tables = root.tables("control_zone");
     let Some(fields) = root.table("coordination") else {
         return ZonesAndRules { zones: read_zones(tables, map, ZONE_LENGTH_M), rules: None };
@@ -39,6 +51,9 @@ pub fn read_coordination(root: &TableFields<'_, '_>, map: &LabMap, library: &Lib
     fields.number("lateral_gap_s", 0.0..=30.0, &mut params.lateral_gap_s);
     fields.number("rear_gap_s", 0.0..=30.0, &mut params.rear_gap_s);
     fields.number("min_speed_mps", 0.01..=2.0, &mut params.min_speed_mps);
+    if let Some(slowest) = slowest.filter(|_| algorithm != NO_ALGORITHM) {
+        check_least_speed(&fields, params.min_speed_mps, slowest);
+    }
     fields.number("time_weight", 0.0..=10.0, &mut params.time_weight);
     fields.number("tolerance_m", 0.005..=1.0, &mut params.tolerance_m);
     fields.number("replan_s", 0.02..=60.0, &mut params.replan_s);
@@ -50,6 +65,19 @@ pub fn read_coordination(root: &TableFields<'_, '_>, map: &LabMap, library: &Lib
     let is_coordinated = algorithm != NO_ALGORITHM;
     let rules = is_coordinated.then(|| CoordinationRules { algorithm, params, zones: zones.clone() });
     ZonesAndRules { zones, rules }
+}
+
+/// No plan is feasible for a vehicle that never wants to be as fast as every plan has to be.
+fn check_least_speed(fields: &TableFields<'_, '_>, min_speed_mps: f64, slowest: &PlannedVehicle) {
+    let desired_mps = slowest.driver.desired_speed_mps;
+    if min_speed_mps >= desired_mps {
+        let message = format!(
+            "no plan of {} would be feasible: min_speed_mps is {min_speed_mps}, and its desired speed {desired_mps}; \
+             set min_speed_mps below that",
+            slowest.name
+        );
+        fields.wrong("min_speed_mps", message);
+    }
 }
 
 /// Name of the junction that a connector belongs to.

@@ -60,6 +60,16 @@ fn vehicles_that_are_late_keep_their_turn_at_a_merge() {
     assert_eq!(studied.zone().stops, 0);
 }
 
+/// One vehicle at a time is in the merging zone, which the lag of the testbed brings near its capacity.
+#[test]
+fn near_saturation_one_late_vehicle_does_not_end_coordination() {
+    let studied = study("merge", &[], Overrides { seed: Some(10), ..in_testbed() });
+    assert_eq!(studied.collisions, 0);
+    // Vehicles that were refused a plan because another one had none waited 21 s in the mean, and stopped.
+    assert!(studied.mean_delay_s() < 5.0, "{} s", studied.mean_delay_s());
+    assert_eq!(studied.zone().stops, 0);
+}
+
 #[test]
 fn plans_bring_everybody_through_a_merge_without_a_stop() {
     let planned = study("merge", &[], Overrides::default());

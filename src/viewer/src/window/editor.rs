@@ -7,8 +7,8 @@ use city3d_control::PARKED;
 use city3d_outputs::WholeFile;
 use city3d_protocol::snapshot::{FrameSnapshot, VehicleId};
 use city3d_simulation::scenario::{
-    EditError, Library, Overrides, ScenarioDocument, ScenarioError, ScenarioRequest, SourceError,
-    StatedVehicle, VehicleEdit, read_experiment,
+    ChangeError, EditError, Library, Overrides, ScenarioDocument, ScenarioError, ScenarioRequest,
+    SourceError, StatedVehicle, VehicleEdit, read_experiment, with_changes,
 };
 use city3d_simulation::sim::World;
 use std::path::{Path, PathBuf};
@@ -25,6 +25,9 @@ pub enum EditorError {
     /// Its text cannot be edited.
     #[error(transparent)]
     Edit(#[from] EditError),
+    /// A value of it cannot be set.
+    #[error(transparent)]
+    Change(#[from] ChangeError),
     /// The file cannot be written.
     #[error("{}: {reason}", path.display())]
     Unwritable {
@@ -76,13 +79,15 @@ impl ScenarioEditor {
     pub fn begin(request: &ScenarioRequest, wake: Arc<dyn Fn() + Send + Sync>) -> Result<Self, EditorError> {
         let (text, library) = Library::scenario(&request.scenario)?;
         let path = PathBuf::from(&request.scenario);
-        let document = ScenarioDocument::parse(&text)?;
+        // What was set otherwise is shown, and not in the file until it is saved.
+        let shown = with_changes(&text, &request.changes)?;
+        let document = ScenarioDocument::parse(&shown)?;
         let mut editor = Self {
             name: request.scenario.clone(),
             file: path.is_file().then_some(path),
             library,
             overrides: Overrides { allows_no_vehicles: true, ..request.overrides },
-            versions: vec![text.clone()],
+            versions: vec![shown],
             at: 0,
             saved: text,
             vehicles: document.vehicles(),

@@ -61,7 +61,8 @@ fn target(request: &OpenRequest) -> Result<OpenTarget, String> {
     let name = what.to_string_lossy().into_owned();
     let is_shipped = shipped_scenarios().any(|shipped| *shipped == name);
     let overrides = request.overrides;
-    let scenario = |scenario| OpenTarget::Scenario(ScenarioRequest { scenario, overrides });
+    let scenario =
+        |scenario| OpenTarget::Scenario(ScenarioRequest { scenario, overrides, changes: Vec::new() });
     match kind_of(what) {
         EntryKind::Run if has_run(what) => Ok(OpenTarget::Log(log_in(what))),
         EntryKind::Log => Ok(OpenTarget::Log(what.clone())),

@@ -441,7 +441,7 @@ impl ViewerState {
                 UiAction::KeepDevices => requests.push(WindowRequest::KeepDevices),
                 UiAction::Quit => requests.push(WindowRequest::Quit),
                 UiAction::Scenario(scenario) => {
-                    let request = ScenarioRequest { scenario, ..self.request.clone() };
+                    let request = ScenarioRequest { scenario, changes: Vec::new(), ..self.request.clone() };
                     requests.push(WindowRequest::Open(Opening::scenario(request)));
                 }
                 UiAction::Open(request) => requests.extend(self.open(&request, now_s)),

@@ -17,7 +17,7 @@ const LOOK: Look = Look { preset: QualityPreset::Low, hours: 9.5 };
 
 fn request(scenario: &str, duration_s: f64) -> ScenarioRequest {
     let overrides = Overrides { duration_s: Some(duration_s), ..Overrides::default() };
-    ScenarioRequest { scenario: scenario.to_owned(), overrides }
+    ScenarioRequest { scenario: scenario.to_owned(), overrides, changes: Vec::new() }
 }
 
 fn viewer(request: ScenarioRequest, logs: LogLocation) -> ViewerState {

@@ -1,9 +1,14 @@
 //! Routes, control zones and conflict intervals as data, for coordination algorithms outside of the program. Laboratory
 //! metres.
 
+mod arrivals;
+
+pub use arrivals::{ArrivalData, Way, WayConflict};
+
 use super::{Experiment, PlannedVehicle};
+use arrivals::Arrivals;
 use city3d_control::coordination::{ControlZone, CoordinationParams};
-use city3d_control::{CavGeometry, DriverParams, Route};
+use city3d_control::{DriverParams, Route};
 use city3d_roadmap::{LabMap, LaneId, LaneKind, ZoneKind};
 use serde::Serialize;
 
@@ -16,6 +21,12 @@ pub struct RouteData {
     pub vehicles: Vec<VehicleRoute>,
     /// Conflicts of each pair of these vehicles.
     pub conflicts: Vec<RouteConflict>,
+    /// Vehicles of inflows, in order of time. Their ids and draws are those of any run with the seed of the experiment.
+    pub arrivals: Vec<ArrivalData>,
+    /// The different ways of the arrivals.
+    pub ways: Vec<Way>,
+    /// Conflicts of each pair of different ways; on one way vehicles follow one another.
+    pub way_conflicts: Vec<WayConflict>,
 }
 
 /// A vehicle and its route.
@@ -203,10 +214,14 @@ impl RouteData {
             }
         }
         let rules = experiment.coordination.as_ref();
+        let Arrivals { arrivals, ways, conflicts: way_conflicts } = Arrivals::of(experiment);
         Self {
             coordination: rules.map_or_else(CoordinationParams::default, |rules| rules.params),
             vehicles: planned().map(|(vehicle, route)| vehicle_route(experiment, vehicle, route)).collect(),
             conflicts,
+            arrivals,
+            ways,
+            way_conflicts,
         }
     }
 }
@@ -233,48 +248,71 @@ fn conflicts_of(one: &Route, other: &Route) -> Vec<(ConflictKind, [[f64; 2]; 2])
 }
 
 fn vehicle_route(experiment: &Experiment, vehicle: &PlannedVehicle, route: &Route) -> VehicleRoute {
-    let (map, scale) = (&experiment.lab_map, experiment.scale);
-    let body = vehicle.body_in_lab(scale);
-    let pose = vehicle.pose_in_lab(&experiment.city_map, scale);
-    let zones = &experiment.control_zones;
-    let name = |lane: usize| map.lane(route.lanes()[lane]).name.clone();
+    let data = VehicleData { experiment, vehicle };
     VehicleRoute {
         id: vehicle.id.0,
         name: vehicle.name.clone(),
-        start: RouteStart {
+        start: data.start(),
+        body: data.body(),
+        driver: vehicle.driver,
+        lanes: data.lanes(route),
+        passages: data.passages(route),
+        points: data.points(route),
+    }
+}
+
+/// A vehicle whose parts are told.
+#[derive(Clone, Copy)]
+struct VehicleData<'e> {
+    experiment: &'e Experiment,
+    vehicle: &'e PlannedVehicle,
+}
+
+impl VehicleData<'_> {
+    fn start(self) -> RouteStart {
+        let pose = self.vehicle.pose_in_lab(&self.experiment.city_map, self.experiment.scale);
+        RouteStart {
             x_m: pose.position.x,
             y_m: pose.position.y,
             yaw_rad: pose.yaw_rad,
-            axle_m: vehicle.start.at_m,
-            speed_mps: vehicle.start.speed_mps,
-        },
-        body: body_data(body),
-        driver: vehicle.driver,
-        lanes: (0..route.lanes().len())
-            .map(|lane| RouteLane {
-                name: name(lane),
-                interval_m: [route.lane_start(lane), route.lane_end(lane + 1)],
-            })
-            .collect(),
-        passages: ControlZone::passages(zones, route)
-            .into_iter()
+            axle_m: self.vehicle.start.at_m,
+            speed_mps: self.vehicle.start.speed_mps,
+        }
+    }
+
+    fn body(self) -> RouteBody {
+        let body = self.vehicle.body_in_lab(self.experiment.scale);
+        RouteBody {
+            length_m: body.length_m,
+            width_m: body.width_m,
+            wheelbase_m: body.wheelbase_m,
+            front_axle_m: body.front_axle_m(),
+            overhang_m: body.overhang_m(),
+        }
+    }
+
+    fn lanes(self, route: &Route) -> Vec<RouteLane> {
+        let lane = |(index, id): (usize, &LaneId)| RouteLane {
+            name: self.experiment.lab_map.lane(*id).name.clone(),
+            interval_m: [route.lane_start(index), route.lane_end(index + 1)],
+        };
+        route.lanes().iter().enumerate().map(lane).collect()
+    }
+
+    fn passages(self, route: &Route) -> Vec<RoutePassage> {
+        let zones = &self.experiment.control_zones;
+        let passages = ControlZone::passages(zones, route).into_iter();
+        passages
             .map(|passage| RoutePassage {
                 zone: zones[passage.zone].name.clone(),
                 entry_m: passage.entry_s,
                 conflicts_m: [passage.from_s, passage.to_s],
             })
-            .collect(),
-        points: points_of(map, route),
+            .collect()
     }
-}
 
-fn body_data(body: CavGeometry) -> RouteBody {
-    RouteBody {
-        length_m: body.length_m,
-        width_m: body.width_m,
-        wheelbase_m: body.wheelbase_m,
-        front_axle_m: body.front_axle_m(),
-        overhang_m: body.overhang_m(),
+    fn points(self, route: &Route) -> Vec<RoutePoint> {
+        points_of(&self.experiment.lab_map, route)
     }
 }
 
@@ -344,5 +382,36 @@ mod tests {
             pairs.push((one, other));
         }
         assert_eq!(pairs, [(1, 4), (1, 5), (1, 6), (2, 4), (2, 5), (2, 6), (3, 4), (3, 5), (3, 6)]);
+    }
+
+    #[test]
+    fn arrivals_of_inflows_have_ways_from_their_entry_on() {
+        let (text, library) = Library::scenario("intersection").unwrap();
+        let overrides = Overrides { duration_s: Some(120.0), ..Overrides::default() };
+        let experiment = read_experiment("here", &text, &library, overrides).unwrap();
+        let data = RouteData::of(&experiment);
+        assert!(data.vehicles.is_empty() && data.arrivals.len() == experiment.arrivals.len());
+        assert!(data.arrivals.len() > 10 && data.ways.len() < data.arrivals.len());
+        for (arrival, planned) in data.arrivals.iter().zip(experiment.arrivals.iter()) {
+            assert_eq!((arrival.id, arrival.due_s), (planned.vehicle.id.0, planned.time_s));
+            let way = &data.ways[arrival.way];
+            let lanes: Vec<&str> = way.lanes.iter().map(|lane| lane.name.as_str()).collect();
+            let named = |id: &LaneId| experiment.lab_map.lane(*id).name.as_str();
+            assert_eq!(lanes, planned.vehicle.route.iter().map(named).collect::<Vec<_>>());
+            assert_eq!((way.driver, way.passages.len()), (planned.vehicle.driver, 1));
+            let axle = &way.points[(arrival.start.axle_m / POINT_STEP_M).round() as usize];
+            let to_axle = glam::DVec2::new(axle.x_m - arrival.start.x_m, axle.y_m - arrival.start.y_m);
+            assert!((to_axle.length() - way.body.front_axle_m).abs() < 0.02, "{}", arrival.name);
+        }
+        // Straight on from the south and from the east: the two ways cross once.
+        let way = |first: &str, last: &str| {
+            let is = |way: &Way| way.lanes[0].name == first && way.lanes[way.lanes.len() - 1].name == last;
+            data.ways.iter().position(is).unwrap()
+        };
+        let mut ways =
+            [way("avenue-1/north/1", "avenue-1/north/2"), way("street-1/east/1", "street-1/east/2")];
+        ways.sort_unstable();
+        let met: Vec<_> = data.way_conflicts.iter().filter(|conflict| conflict.ways == ways).collect();
+        assert!(met.len() == 1 && met[0].kind == ConflictKind::Cross, "{met:?}");
     }
 }
