@@ -175,9 +175,12 @@ impl<B: DrawingBackend> FigurePainter<'_, B> {
         }
         for ((panel, &place), &has_names) in figure.panels.iter().zip(&plan.panels).zip(&plan.have_names) {
             self.panel(panel, place)?;
-            let title = (place.x, place.y - plan.over - LINE_MM / 2.0 + 0.5);
-            self.text(&panel.title, title, TextFormat { points: TEXT_PT, ..SMALL })?;
             self.names(panel, place, has_names)?;
+        }
+        for (title, place) in plan.panel_titles.iter().zip(&plan.panels) {
+            for (y, line) in title {
+                self.text(line, (place.x, *y), TextFormat { points: TEXT_PT, ..SMALL })?;
+            }
         }
         for (y, line) in &plan.note {
             self.text(line, (EDGE_MM, *y), TextFormat { colour: GREY, v: VPos::Top, ..SMALL })?;
@@ -320,9 +323,14 @@ impl<B: DrawingBackend> FigurePainter<'_, B> {
         let points = thinned(points);
         match stroke.dash {
             Dash::Solid => self.solid(&points, stroke),
-            Dash::Dashed => dashes(&points, 2.2, 1.3).iter().try_for_each(|dash| self.solid(dash, stroke)),
-            Dash::Dotted => dashes(&points, 0.6, 0.9).iter().try_for_each(|dash| self.solid(dash, stroke)),
+            Dash::Dashed => self.dashed(&points, &[2.2, 1.3], stroke),
+            Dash::Dotted => self.dashed(&points, &[0.6, 0.9], stroke),
+            Dash::DashDotted => self.dashed(&points, &[2.2, 0.9, 0.6, 0.9], stroke),
         }
+    }
+
+    fn dashed(&self, points: &[(f64, f64)], pattern_mm: &[f64], stroke: LineStyle) -> Result<(), DrawError> {
+        dashes(points, pattern_mm).iter().try_for_each(|dash| self.solid(dash, stroke))
     }
 
     fn solid(&self, points: &[(f64, f64)], stroke: LineStyle) -> Result<(), DrawError> {
@@ -354,15 +362,13 @@ impl<B: DrawingBackend> FigurePainter<'_, B> {
 
 /// Ticks of both axes with their labels.
 fn marks(panel: &Panel, place: PaperRect) -> [Vec<(f64, String)>; 2] {
-    if let Some(marks) = &panel.marks {
-        return marks.clone();
-    }
     let round = |range, most: usize| {
         let (values, decimals) = ticks(range, most);
         values.into_iter().map(|value| (value, format!("{value:.decimals$}"))).collect()
     };
     let most = [((place.width / 11.0) as usize).max(2), ((place.height / 8.0) as usize).clamp(3, 10)];
-    [round(panel.x, most[0]), round(panel.y, most[1])]
+    let [x, y] = panel.marks.clone();
+    [x.unwrap_or_else(|| round(panel.x, most[0])), y.unwrap_or_else(|| round(panel.y, most[1]))]
 }
 
 /// Position of a reference line on the page; `None` outside the axes.
@@ -411,11 +417,11 @@ fn thinned(points: &[(f64, f64)]) -> Vec<(f64, f64)> {
     kept
 }
 
-/// The drawn pieces of a dashed line.
-fn dashes(points: &[(f64, f64)], on_mm: f64, off_mm: f64) -> Vec<Vec<(f64, f64)>> {
+/// The drawn pieces of a dashed line. The pattern has the lengths of pieces and gaps by turns.
+fn dashes(points: &[(f64, f64)], pattern_mm: &[f64]) -> Vec<Vec<(f64, f64)>> {
     let mut found = Vec::new();
     let mut dash: Vec<(f64, f64)> = points.first().copied().into_iter().collect();
-    let (mut is_on, mut left_mm) = (true, on_mm);
+    let (mut part, mut is_on, mut left_mm) = (0, true, pattern_mm[0]);
     for pair in points.windows(2) {
         let (mut from, to) = (pair[0], pair[1]);
         loop {
@@ -435,8 +441,9 @@ fn dashes(points: &[(f64, f64)], on_mm: f64, off_mm: f64) -> Vec<Vec<(f64, f64)>
             } else {
                 dash = vec![from];
             }
-            is_on = !is_on;
-            left_mm = if is_on { on_mm } else { off_mm };
+            part = (part + 1) % pattern_mm.len();
+            is_on = part % 2 == 0;
+            left_mm = pattern_mm[part];
         }
     }
     if is_on && dash.len() > 1 {
@@ -491,7 +498,10 @@ mod tests {
     #[test]
     fn a_dashed_line_is_as_long_as_its_dashes_and_goes_round_corners() {
         let line = [(0.0, 0.0), (1.0, 0.0), (1.0, 4.0)];
-        let found = dashes(&line, 2.0, 1.0);
+        let found = dashes(&line, &[2.0, 1.0]);
         assert_eq!(found, [vec![(0.0, 0.0), (1.0, 0.0), (1.0, 1.0)], vec![(1.0, 2.0), (1.0, 4.0)]]);
+        let found = dashes(&[(0.0, 0.0), (8.0, 0.0)], &[2.0, 1.0, 0.5, 1.0]);
+        assert_eq!(found[..2], [vec![(0.0, 0.0), (2.0, 0.0)], vec![(3.0, 0.0), (3.5, 0.0)]]);
+        assert_eq!(found[2], [(4.5, 0.0), (6.5, 0.0)]);
     }
 }

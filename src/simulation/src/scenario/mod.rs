@@ -1,5 +1,6 @@
 //! Scenario files, validated into an [`Experiment`].
 
+mod counted;
 mod document;
 mod experiment;
 mod feasibility;
@@ -24,6 +25,7 @@ mod time_of_day;
 mod traffic;
 mod vehicle_type;
 
+pub use counted::counted;
 pub use document::{EditError, ScenarioDocument, StatedVehicle, VehicleEdit};
 pub use experiment::{Expectations, Experiment, Physical, PlannedVehicle, Rates, Start, pose_on};
 pub use fields::Problem;
