@@ -166,7 +166,8 @@ fn widened((low, high): (f64, f64)) -> (f64, f64) {
     match high - low {
         width if !width.is_finite() => (0.0, 1.0),
         width if width < 1e-9 => (low - 0.5, high + 0.5),
-        width => (if low < 0.0 { low - 0.02 * width } else { low }, high + 0.02 * width),
+        // What is below zero by a rounding error alone keeps zero at the edge.
+        width => (if low < -0.01 * width { low - 0.02 * width } else { low }, high + 0.02 * width),
     }
 }
 

@@ -173,9 +173,13 @@ impl<B: DrawingBackend> FigurePainter<'_, B> {
         if let (Some(scale), Some(place)) = (&figure.scale, plan.scale) {
             self.scale(scale, place)?;
         }
-        for ((panel, &place), &has_names) in figure.panels.iter().zip(&plan.panels).zip(&plan.have_names) {
+        for (index, (panel, &place)) in figure.panels.iter().zip(&plan.panels).enumerate() {
             self.panel(panel, place)?;
-            self.names(panel, place, has_names)?;
+            self.upright_names(panel, place)?;
+            if plan.have_names[index] {
+                let first = index - index % figure.columns.max(1);
+                self.level_names(&figure.panels[first..=index], place)?;
+            }
         }
         for (title, place) in plan.panel_titles.iter().zip(&plan.panels) {
             for (y, line) in title {
@@ -280,21 +284,28 @@ impl<B: DrawingBackend> FigurePainter<'_, B> {
         }
     }
 
-    /// Labels of reference lines outside the axes: horizontal ones to the right, vertical ones above.
-    fn names(&self, panel: &Panel, place: PaperRect, has_names: bool) -> Result<(), DrawError> {
+    /// Labels of vertical reference lines, above the axes.
+    fn upright_names(&self, panel: &Panel, place: PaperRect) -> Result<(), DrawError> {
+        for rule in panel.rules.iter().filter(|rule| !rule.is_level) {
+            let Some(at) = rule_at(rule, panel, place) else { continue };
+            let (off, h) = if rule.is_before { (0.6, HPos::Right) } else { (-0.6, HPos::Left) };
+            let words = TextFormat { colour: GREY, h, ..SMALL };
+            self.text(&rule.name, (at + off, place.y - 2.0), words)?;
+        }
+        Ok(())
+    }
+
+    /// Labels of the horizontal reference lines of a row, to the right of its last panel.
+    fn level_names(&self, row: &[Panel], place: PaperRect) -> Result<(), DrawError> {
         let words = TextFormat { colour: GREY, ..SMALL };
         let mut level: Vec<(f64, &str)> = Vec::new();
-        for rule in &panel.rules {
-            let Some(at) = rule_at(rule, panel, place) else { continue };
-            if rule.is_level {
-                level.push((at, &rule.name));
-                continue;
+        for panel in row {
+            for rule in panel.rules.iter().filter(|rule| rule.is_level) {
+                let Some(at) = rule_at(rule, panel, place) else { continue };
+                if !level.contains(&(at, rule.name.as_str())) {
+                    level.push((at, &rule.name));
+                }
             }
-            let (off, h) = if rule.is_before { (0.6, HPos::Right) } else { (-0.6, HPos::Left) };
-            self.text(&rule.name, (at + off, place.y - 2.0), TextFormat { h, ..words })?;
-        }
-        if !has_names {
-            return Ok(());
         }
         level.sort_by(|a, b| a.0.total_cmp(&b.0));
         let wanted: Vec<f64> = level.iter().map(|(at, _)| *at).collect();

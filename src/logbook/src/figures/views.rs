@@ -270,12 +270,16 @@ impl<'a> FigureSet<'a> {
 
     /// Name of the line of a path at which vehicles give way, with the panels where the runs have different ones.
     fn line_name(&self, stream: usize) -> String {
-        let lines = self.streams.iter().map(|streams| streams[stream].line);
-        let kinds: Vec<&str> = lines.map(|line| line.map_or("none", |line| line.kind.label())).collect();
-        if kinds.iter().all(|kind| *kind == kinds[0]) {
-            return kinds[0].to_owned();
+        let line = |(run, streams): (usize, &Vec<Stream>)| Some((run, streams[stream].line?.kind.label()));
+        let kinds: Vec<(usize, &str)> = self.streams.iter().enumerate().filter_map(line).collect();
+        let is_same = |kind: &str| kinds.iter().all(|(_, other)| *other == kind);
+        if let [(_, kind), ..] = kinds[..]
+            && kinds.len() == self.runs.len()
+            && is_same(kind)
+        {
+            return kind.to_owned();
         }
-        let words = kinds.iter().enumerate().map(|(run, kind)| format!("{kind} ({})", panel_letter(run)));
+        let words = kinds.iter().map(|(run, kind)| format!("{kind} ({})", panel_letter(*run)));
         words.collect::<Vec<_>>().join(", ")
     }
 
