@@ -3,7 +3,8 @@
 use crate::support::link;
 
 use city3d_logbook::figures::{
-    Comparison, ComparisonValue, FigureSet, FigureSize, RunLog, StreamLayout, crossings, png, svg,
+    Comparison, ComparisonValue, FigureSet, FigureSize, GiveWayKind, RunLog, RunPair, StreamLayout,
+    crossings, png, svg,
 };
 use city3d_logbook::record::{LogEntry, LogReader};
 use city3d_protocol::snapshot::VehicleId;
@@ -62,7 +63,8 @@ fn the_papers_figures_of_the_roundabout_show_what_its_log_holds() {
     let log = run(&["roundabout"], folder);
     let (code, said, complained) = tell(&["plot", "run/run.mcap", "--out", "figures"], folder);
     assert_eq!(code, 0, "{complained}");
-    let names = ["speed_path_1", "speed_path_2", "position", "space_time", "lateral_error", "pedals"];
+    let names =
+        ["speed_path_1", "speed_path_2", "position", "space_time", "speed_time", "lateral_error", "pedals"];
     for name in names {
         assert!(said.contains(name), "{said}");
         for extension in ["svg", "png", "csv"] {
@@ -111,6 +113,7 @@ fn the_papers_figures_of_the_roundabout_show_what_its_log_holds() {
     assert_eq!(merge.name, "west-roundabout/ring/outer/3");
     let merge_at = layout.merge_at_m / 25.0;
     let order = crossings(&log, &merge);
+    assert_eq!(layout.streams(&log)[0].line.unwrap().kind, GiveWayKind::Yield);
     assert_eq!(order.iter().map(|(_, id)| id.0).collect::<Vec<_>>(), [4, 5, 1, 6, 2, 3]);
     for (time_s, id) in order {
         let rows: Vec<_> = position.iter().filter(|row| row["vehicle"] == id.to_string()).collect();
@@ -127,7 +130,7 @@ fn the_papers_figures_of_the_roundabout_show_what_its_log_holds() {
         assert!(merges.into_iter().any(|t| (0.05..0.45).contains(&(t - time_s))), "{id}: {time_s}");
     }
     // One that yields stops before its line: the paper's 3.3 m, less what the last vehicle starts further on.
-    let line_m = layout.streams[0].line_before_m.unwrap() / 25.0;
+    let line_m = layout.streams(&log)[0].line.unwrap().before_m / 25.0;
     let first: Vec<_> = position.iter().filter(|row| row["name"] == "path1_a").collect();
     let stands: Vec<f64> = first
         .windows(2)
@@ -245,13 +248,67 @@ fn a_comparison_tells_both_runs_and_what_they_differ_in() {
 }
 
 #[test]
+fn an_algorithm_and_none_are_compared_and_told_apart() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    for scenario in ["roundabout", "roundabout-coordinated"] {
+        assert_eq!(tell(&["run", scenario, "--duration", "25", "--out", scenario], folder).0, 0);
+    }
+    let (code, said, complained) =
+        tell(&["compare", "roundabout", "roundabout-coordinated", "--out", "both"], folder);
+    assert_eq!(code, 0, "{complained}");
+    for told in [
+        "A  roundabout, right of way: ",
+        "B  roundabout-coordinated, insert: ",
+        "scenario roundabout, right of way, ideal, seed 2, 25.0 s",
+        "scenario roundabout-coordinated, insert, ideal, seed 2, 25.0 s",
+        "coordination.algorithm: none, \"insert\"",
+        "merging point: the beginning of west-roundabout/ring/outer/3",
+    ] {
+        assert!(said.contains(told), "{told}: {said}");
+    }
+    assert!(!said.contains("only in"), "{said}");
+    let labels: BTreeSet<String> =
+        table(&folder.join("both/position.csv")).into_iter().map(|row| row["run"].clone()).collect();
+    assert_eq!(
+        labels,
+        ["roundabout, right of way", "roundabout-coordinated, insert"].map(str::to_owned).into()
+    );
+}
+
+#[test]
+fn plot_says_which_merging_point_it_shows_and_how_to_choose_another() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    run(&["intersection", "--duration", "100"], folder);
+    let (code, said, complained) = tell(&["plot", "run", "--out", "first"], folder);
+    assert_eq!(code, 0, "{complained}");
+    let note =
+        said.lines().find(|line| line.starts_with("streams merge at ")).unwrap_or_else(|| panic!("{said}"));
+    let shown = note.split("the beginning of ").nth(1).unwrap().split(' ').next().unwrap();
+    let other = note.split("another one: ").nth(1).unwrap().split(' ').next().unwrap();
+    assert_ne!(shown, other);
+    let (code, said, complained) = tell(&["plot", "run", "--out", "second", "--merge", other], folder);
+    assert_eq!(code, 0, "{complained}");
+    assert!(said.contains(&format!("the beginning of {other} (")), "{said}");
+    let vehicles = |folder_of: &str| -> BTreeSet<String> {
+        table(&folder.join(folder_of).join("position.csv"))
+            .into_iter()
+            .map(|row| row["name"].clone())
+            .collect()
+    };
+    assert_ne!(vehicles("first"), vehicles("second"));
+}
+
+#[test]
 fn a_run_held_against_itself_is_the_same() {
     let folder = tempfile::tempdir().unwrap();
     let log = run(&["roundabout", "--duration", "20"], folder.path());
-    let runs = [RunLog::read(&log).unwrap(), RunLog::read(&log).unwrap()];
-    let layout = StreamLayout::of(&runs[0], None, None).unwrap();
+    let pair = RunPair::new(RunLog::read(&log).unwrap(), RunLog::read(&log).unwrap()).unwrap();
+    let layout = StreamLayout::of(&pair.runs()[0], None, None).unwrap();
     let labels = ["a".to_owned(), "b".to_owned()];
-    let comparison = Comparison::of(&runs, &layout, &labels).unwrap();
+    let comparison = Comparison::of(&pair, &layout, &labels);
+    assert_eq!(comparison.only, [Vec::<String>::new(), Vec::new()]);
     assert!(comparison.settings.is_empty(), "{:?}", comparison.settings);
     assert!(comparison.rows.iter().all(|row| row.values[0] == row.values[1]));
     assert!(
@@ -286,13 +343,16 @@ fn what_a_comparison_tells_does_not_depend_on_the_rate_of_the_log() {
 }
 
 #[test]
-fn runs_of_other_scenarios_are_not_compared_and_it_says_why() {
+fn runs_without_a_common_vehicle_are_not_compared_and_it_says_why() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     assert_eq!(tell(&["run", "straight", "--out", "straight"], folder).0, 0);
     assert_eq!(tell(&["run", "roundabout", "--duration", "2", "--out", "roundabout"], folder).0, 0);
     let (code, _, said) = tell(&["compare", "straight/run.mcap", "roundabout/run.mcap"], folder);
-    assert!(code == 2 && said.contains("\"straight\" and \"roundabout\""), "{said}");
+    assert!(
+        code == 2 && said.contains("no vehicle in common, by name: leader, follower, and path1_a"),
+        "{said}"
+    );
     let (code, _, said) = tell(&["plot", "straight/run.mcap", "--merge", "nowhere", "--out", "out"], folder);
     assert!(
         code == 2 && said.contains("no streams merge at \"nowhere\"; no streams merge anywhere"),

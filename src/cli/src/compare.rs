@@ -1,12 +1,13 @@
-//! `city3d compare`: two runs of one scenario side by side.
+//! `city3d compare`: two runs side by side.
 
 use super::files::log_argument;
 use super::overwrite::OverwriteArgs;
 use super::plot::{self, FigureArgs};
 use super::say::say;
 use super::{Failure, on_end};
-use city3d_logbook::figures::{Comparison, ComparisonRow, FigureSet};
+use city3d_logbook::figures::{Comparison, ComparisonRow, FigureSet, RunHeader, RunPair, some_names};
 use city3d_outputs::WholeFile;
+use city3d_simulation::scenario::counted;
 use clap::Args;
 use std::path::PathBuf;
 
@@ -15,7 +16,7 @@ pub struct CompareArgs {
     /// The run.mcap of one run, or its folder
     #[arg(value_parser = log_argument)]
     a: PathBuf,
-    /// The run.mcap or the folder of another run of the same scenario
+    /// The run.mcap or the folder of another run on the same map with vehicles of the same names
     #[arg(value_parser = log_argument)]
     b: PathBuf,
     /// Folder for figures with both runs (SVG, PNG, CSV), comparison.csv and comparison.json
@@ -31,11 +32,12 @@ pub struct CompareArgs {
 }
 
 pub fn compare(args: &CompareArgs) -> Result<(), Failure> {
-    let runs = [plot::read(&args.a)?, plot::read(&args.b)?];
+    let pair = RunPair::new(plot::read(&args.a)?, plot::read(&args.b)?).map_err(Failure::bad_input)?;
+    let runs = pair.runs();
     let layout = args.figures.layout(&runs[0])?;
-    let only = args.figures.vehicles(&runs[0])?;
-    let views = FigureSet::new(&runs, &layout, &only);
-    let comparison = Comparison::of(&runs, &layout, views.labels()).map_err(Failure::bad_input)?;
+    let only = args.figures.vehicles(runs)?;
+    let views = FigureSet::new(runs, &layout, &only);
+    let comparison = Comparison::of(&pair, &layout, views.labels());
     let (mut figures, notes) = views.all();
     figures.push(views.difference());
     let claim = |folder| {
@@ -48,7 +50,7 @@ pub fn compare(args: &CompareArgs) -> Result<(), Failure> {
     if args.json {
         say(&json)?;
     } else {
-        print(&comparison)?;
+        print(&comparison, views.merge_note().as_deref())?;
     }
     let Some(folder) = &args.out else { return Ok(()) };
     plot::write_all(&figures, args.figures.size(), folder, &*on_end()?)?;
@@ -66,23 +68,29 @@ pub fn compare(args: &CompareArgs) -> Result<(), Failure> {
     notes.iter().try_for_each(say)
 }
 
-fn print(comparison: &Comparison) -> Result<(), Failure> {
-    let Comparison { scenario, runs, merge, settings, rows, apart } = comparison;
-    say(format_args!("{scenario}: laboratory metres and seconds"))?;
+fn print(comparison: &Comparison, merge_note: Option<&str>) -> Result<(), Failure> {
+    let Comparison { runs, merge, only, settings, rows, apart } = comparison;
+    say("laboratory metres and seconds")?;
     for (letter, run) in ["A", "B"].iter().zip(runs) {
+        let RunHeader { scenario, junction_control, environment, seed, simulated_s, .. } = run;
+        say(format_args!("  {letter}  {}: {}", run.label, run.log))?;
         say(format_args!(
-            "  {letter}  {}: {} ({:.1} s, seed {})",
-            run.label, run.log, run.simulated_s, run.seed
+            "     scenario {scenario}, {junction_control}, {environment}, seed {seed}, {simulated_s:.1} s"
         ))?;
+    }
+    for (letter, names) in ["A", "B"].iter().zip(only).filter(|(_, names)| !names.is_empty()) {
+        let count = counted(names.len(), "vehicle");
+        say(format_args!("{count} only in {letter}: {}", some_names(names)))?;
     }
     match settings.len() {
         0 => say("both runs have the same settings")?,
         _ => say(format_args!("settings that differ (A, B):"))?,
     }
     settings.iter().try_for_each(|line| say(format_args!("  {line}")))?;
-    match merge {
-        Some(name) => say(format_args!("merging point: the beginning of {name}"))?,
-        None => say("no streams merge in this scenario")?,
+    match (merge_note, merge) {
+        (Some(note), _) => say(note)?,
+        (None, Some(name)) => say(format_args!("merging point: the beginning of {name}"))?,
+        (None, None) => say("no streams merge in the first run")?,
     }
     let mut vehicle = None;
     say(format_args!("{:<36}{:>28}{:>28}", "", "A", "B"))?;

@@ -5,7 +5,7 @@ use super::overwrite::OverwriteArgs;
 use super::say::say;
 use city3d_session::{FileOptions, FilesWritten};
 use city3d_simulation::runner::Summary;
-use city3d_simulation::scenario::Experiment;
+use city3d_simulation::scenario::{Experiment, counted};
 use clap::Args;
 use std::convert::Infallible;
 use std::path::{Path, PathBuf};
@@ -90,9 +90,9 @@ pub fn conclude(
         print(summary, folder)?;
     }
     if summary.collisions > 0 && experiment.expectations.collisions_forbidden {
-        let count = summary.collisions;
+        let count = counted(summary.collisions, "collision");
         return Err(Failure::failed(format!(
-            "{count} collisions in a scenario that forbids them (collisions_forbidden)"
+            "{count} in a scenario that forbids them (collisions_forbidden)"
         )));
     }
     Ok(())

@@ -7,6 +7,7 @@ use super::{Failure, LinkArgs, ScenarioArgs, load, on_end, status};
 use city3d_logbook::record::LogOrigin;
 use city3d_session::remote::{RemoteCity, RemoteOptions};
 use city3d_session::{Host, RunFiles, RunFolders, Session, SessionError};
+use city3d_simulation::scenario::counted;
 use clap::Args;
 use std::path::PathBuf;
 use std::sync::{Arc, PoisonError};
@@ -48,7 +49,8 @@ pub fn mainframe(args: &MainframeArgs) -> Result<(), Failure> {
     let feedback = ros::feedback(&args.ros, &experiment)?;
     let (host, city) = (Host::system(), args.city.clone());
     // Where standard output is closed, the vehicles are driven all the same.
-    let on_set_up = move |vehicles| drop(say(format_args!("{vehicles} vehicles in the city at {city}")));
+    let on_set_up =
+        move |vehicles| drop(say(format_args!("{} in the city at {city}", counted(vehicles, "vehicle"))));
     let source = RemoteCity::control(options, Arc::clone(&experiment), feedback, host.clone())?
         .on_set_up(Box::new(on_set_up));
     let files = RunFiles::new(RunFolders::parts(args.out.clone()), LogOrigin::Mainframe, file_options)

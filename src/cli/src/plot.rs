@@ -79,15 +79,17 @@ impl FigureArgs {
         StreamLayout::of(run, self.merge.as_deref(), origin_m).map_err(Failure::bad_input)
     }
 
-    /// The requested vehicles, all of which exist; none for all.
-    pub fn vehicles(&self, run: &RunLog) -> Result<BTreeSet<VehicleId>, Failure> {
+    /// The requested vehicles, all of which exist in one of the runs; none for all.
+    pub fn vehicles(&self, runs: &[RunLog]) -> Result<BTreeSet<VehicleId>, Failure> {
+        let all = || runs.iter().flat_map(|run| &run.vehicles);
         let there = || {
-            let words = run.vehicles.iter().map(|trace| format!("{} {}", trace.id, trace.name));
-            words.collect::<Vec<_>>().join(", ")
+            let words: BTreeSet<(VehicleId, &str)> =
+                all().map(|trace| (trace.id, trace.name.as_str())).collect();
+            words.iter().map(|(id, name)| format!("{id} {name}")).collect::<Vec<_>>().join(", ")
         };
         let of = |word: &String| {
             let is_meant = |trace: &&Trace| trace.name == *word || trace.id.to_string() == *word;
-            let found = run.vehicles.iter().find(is_meant).map(|trace| trace.id);
+            let found = all().find(is_meant).map(|trace| trace.id);
             found.ok_or_else(|| {
                 Failure::bad_input(format!("the run has no vehicle {word}; it has {}", there()))
             })
@@ -122,8 +124,8 @@ pub fn plot(args: &PlotArgs) -> Result<(), Failure> {
         let folder =
             if args.logs.len() == 1 { args.out.clone() } else { args.out.join(own_folder(log, &mut taken)) };
         let layout = args.figures.layout(&run)?;
-        let only = args.figures.vehicles(&run)?;
         let runs = [run];
+        let only = args.figures.vehicles(&runs)?;
         // Until there is something to complete, a signal ends the command at once.
         let stop = match &stop {
             Some(stop) => Arc::clone(stop),
@@ -142,6 +144,7 @@ fn draw(views: &FigureSet<'_>, args: &PlotArgs, folder: &Path, stop: &AtomicBool
     write_all(&figures, args.figures.size(), folder, stop)?;
     let names: Vec<&str> = figures.iter().map(|figure| figure.name.as_str()).collect();
     say(format_args!("{}: {} (SVG, PNG, CSV)", folder.display(), names.join(", ")))?;
+    views.merge_note().iter().try_for_each(say)?;
     notes.iter().try_for_each(say)
 }
 

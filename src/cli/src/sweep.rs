@@ -6,7 +6,7 @@ use super::{ChangeArgs, Failure, ProfileArg, ScenarioArgs, load, on_end, plot};
 use city3d_logbook::sweep::{self, MAPS, SweepHeader, SweepResults, SweepTable, SweepTableError};
 use city3d_outputs::{OutputFolder, refuse_inputs};
 use city3d_simulation::runner::RunMetrics;
-use city3d_simulation::scenario::Library;
+use city3d_simulation::scenario::{Library, counted};
 use city3d_simulation::sweep::{Axis, Job, Seeds, jobs};
 use clap::Args;
 use indicatif::{ProgressBar, ProgressStyle};
@@ -113,7 +113,7 @@ pub fn sweep(args: &SweepArgs) -> Result<(), Failure> {
         )));
     }
     let rows = table.into_rows();
-    say(format_args!("{} runs: {}", rows.len(), args.out.join("sweep.csv").display()))?;
+    say(format_args!("{}: {}", counted(rows.len(), "run"), args.out.join("sweep.csv").display()))?;
     let is_testbed = args.scenario.changed.environment == Some(ProfileArg::Testbed)
         || axes.iter().any(|axis| axis.key.starts_with("environment."));
     let results = SweepResults { axes: &axes, rows: &rows, document: &document, is_testbed };

@@ -173,8 +173,15 @@ impl RunMeasures {
         self.vehicles.values().map(|vehicle| vehicle.stops).sum()
     }
 
+    /// Names of the vehicles that another run does not have.
+    pub fn only(&self, other: &Self) -> Vec<&str> {
+        let is_there = |name: &str| other.vehicles.values().any(|vehicle| vehicle.name == name);
+        let names = self.vehicles.values().map(|vehicle| vehicle.name.as_str());
+        names.filter(|name| !is_there(name)).collect()
+    }
+
     /// The measures of this run and of another: those of the whole run, then those of each vehicle that both have, by
-    /// id and name.
+    /// name.
     pub fn beside(&self, other: &Self) -> Vec<MeasurePair> {
         let runs = [self, other];
         let mut pairs = Vec::new();
@@ -195,8 +202,10 @@ impl RunMeasures {
         of_run("least time to collision", "s", 2, &|run| run.traffic.min_ttc_s);
         of_run("least post-encroachment time", "s", 2, &|run| run.traffic.min_pet_s);
         of_run("least gap", "m", 2, &|run| run.traffic.min_gap_m);
-        for (id, first) in &self.vehicles {
-            if let Some(second) = other.vehicles.get(id).filter(|second| second.name == first.name) {
+        let named: BTreeMap<&str, &VehicleMeasures> =
+            other.vehicles.values().map(|vehicle| (vehicle.name.as_str(), vehicle)).collect();
+        for first in self.vehicles.values() {
+            if let Some(second) = named.get(first.name.as_str()) {
                 pairs.extend(first.beside(second));
             }
         }
@@ -266,6 +275,20 @@ mod tests {
         assert_eq!(find("collisions", None).values, [Some(0.0), Some(3.0)]);
         let name = read.vehicles[&1].name.as_str();
         assert!((find("mean speed", Some(name)).difference().unwrap() - 3.6).abs() < 1e-9);
+    }
+
+    #[test]
+    fn vehicles_are_paired_by_name_whatever_their_numbers() {
+        let named = |name: &str| VehicleMeasures { name: name.to_owned(), ..VehicleMeasures::default() };
+        let run = |vehicles: &[(u32, &str)]| RunMeasures {
+            vehicles: vehicles.iter().map(|(id, name)| (*id, named(name))).collect(),
+            ..RunMeasures::default()
+        };
+        let (a, b) = (run(&[(1, "van"), (2, "bus")]), run(&[(1, "bus"), (7, "tram")]));
+        let pairs = a.beside(&b);
+        let vehicles: Vec<&str> = pairs.iter().filter_map(|pair| pair.vehicle.as_deref()).collect();
+        assert_eq!(vehicles, ["bus"; 5]);
+        assert_eq!((a.only(&b), b.only(&a)), (vec!["van"], vec!["tram"]));
     }
 
     #[test]

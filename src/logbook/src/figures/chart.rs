@@ -44,6 +44,8 @@ pub enum Dash {
     Dashed,
     /// Dots of 0.6 mm with gaps of 0.9 mm in print.
     Dotted,
+    /// Dashes of 2.2 mm and dots of 0.6 mm by turns, with gaps of 0.9 mm in print.
+    DashDotted,
 }
 
 /// Style of a line.
@@ -89,7 +91,7 @@ pub struct ReferenceLine {
 }
 
 /// A panel: one pair of axes.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Panel {
     /// Text above the axes; empty for none.
     pub title: String,
@@ -107,8 +109,27 @@ pub struct Panel {
     pub rules: Vec<ReferenceLine>,
     /// Heat map cells, under the lines.
     pub cells: Vec<HeatMapCell>,
-    /// Custom ticks of x and y with labels, instead of round numbers.
-    pub marks: Option<[Vec<(f64, String)>; 2]>,
+    /// Custom ticks of x and of y with labels, instead of round numbers.
+    pub marks: [Option<Vec<(f64, String)>>; 2],
+    /// Height of the axes over that of the figure's other rows.
+    pub height_share: f64,
+}
+
+impl Default for Panel {
+    fn default() -> Self {
+        Self {
+            title: String::new(),
+            x_label: String::new(),
+            y_label: String::new(),
+            x: (0.0, 0.0),
+            y: (0.0, 0.0),
+            lines: Vec::new(),
+            rules: Vec::new(),
+            cells: Vec::new(),
+            marks: [None, None],
+            height_share: 1.0,
+        }
+    }
 }
 
 /// A cell of a heat map with its label; `share` from 0 to 1 sets the colour.
@@ -145,7 +166,8 @@ fn widened((low, high): (f64, f64)) -> (f64, f64) {
     match high - low {
         width if !width.is_finite() => (0.0, 1.0),
         width if width < 1e-9 => (low - 0.5, high + 0.5),
-        width => (low, high + 0.02 * width),
+        // What is below zero by a rounding error alone keeps zero at the edge.
+        width => (if low < -0.01 * width { low - 0.02 * width } else { low }, high + 0.02 * width),
     }
 }
 
@@ -234,6 +256,8 @@ mod tests {
         panel.fit(&[], &[0.0]);
         assert_eq!(panel.x, (1.0, 2.02));
         assert_eq!(panel.y, (0.0, 7.14));
+        panel.fit(&[], &[-3.0]);
+        assert_eq!(panel.y, (-3.2, 7.2), "what is below zero stands off the edge");
         let mut empty = Panel::default();
         empty.fit(&[], &[]);
         assert_eq!((empty.x, empty.y), ((0.0, 1.0), (0.0, 1.0)));

@@ -1,23 +1,16 @@
-//! Comparison of two runs of one scenario: events, smoothness (RMS jerk) and distance between the runs.
+//! Comparison of two runs: events, smoothness (RMS jerk) and distance between the runs.
 
+use super::pair::RunPair;
 use super::paths::{MergingPoint, StreamLayout, crossings};
 use super::run::{RunLog, Trace};
 use super::series::{differences, rms_speed_difference, step_changes, step_samples, step_speeds};
+use super::settings::settings;
 use super::table::{TidyTable, number};
 use city3d_estimation::MOVES_MPS;
 use city3d_geometry::{OrientedRect, trig};
 use city3d_protocol::snapshot::{EventKind, VehicleId};
 use serde::Serialize;
 use std::collections::{BTreeMap, BTreeSet};
-use thiserror::Error;
-
-/// Runs that are not comparable.
-#[derive(Debug, Error)]
-#[error("{a} and {b} are not runs of one scenario: {what}", a = logs[0], b = logs[1])]
-pub struct CompareError {
-    logs: [String; 2],
-    what: String,
-}
 
 /// A quantity of both runs, or of one vehicle in both.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -84,12 +77,12 @@ pub struct RunSeparation {
 /// Two runs side by side.
 #[derive(Clone, Debug, Serialize)]
 pub struct Comparison {
-    /// Name of the scenario of both runs.
-    pub scenario: String,
     /// The first run and the second.
     pub runs: [RunHeader; 2],
     /// The lane that begins at the merging point.
     pub merge: Option<String>,
+    /// Names of the vehicles that only the first run has, and of those that only the second one has.
+    pub only: [Vec<String>; 2],
     /// Settings that differ, such as "environment.loss: 0, 0.01".
     pub settings: Vec<String>,
     /// Quantities of the whole run, then those of each vehicle in id order.
@@ -105,6 +98,12 @@ pub struct RunHeader {
     pub label: String,
     /// Path of the log.
     pub log: String,
+    /// Name of the scenario.
+    pub scenario: String,
+    /// Who goes first at junctions, such as "insert" or "right of way".
+    pub junction_control: String,
+    /// The environment between control and vehicles, such as "ideal".
+    pub environment: &'static str,
     /// Seed of the random numbers of the run.
     pub seed: u64,
     /// Simulated time of the last snapshot, seconds.
@@ -116,31 +115,29 @@ pub struct RunHeader {
 impl Comparison {
     /// Compares two runs.
     ///
-    /// # Errors
-    /// Where they are not runs of one scenario; says what differs.
-    ///
     /// # Panics
     /// When there are fewer than two labels.
-    pub fn of(runs: &[RunLog; 2], layout: &StreamLayout, labels: &[String]) -> Result<Self, CompareError> {
-        let [a, b] = runs;
-        require_same(a, b)?;
-        let numbers =
-            [RunStatistics::of(a, layout.merge.as_ref()), RunStatistics::of(b, layout.merge.as_ref())];
+    pub fn of(pair: &RunPair, layout: &StreamLayout, labels: &[String]) -> Self {
+        let runs @ [a, b] = pair.runs();
+        let numbers = runs.each_ref().map(|run| RunStatistics::of(run, layout.merge.as_ref()));
         let head = |run: &RunLog, label: &String| RunHeader {
             label: label.clone(),
             log: run.path.display().to_string(),
+            scenario: run.experiment.name.clone(),
+            junction_control: run.experiment.junction_control(),
+            environment: run.setting(),
             seed: run.experiment.seed,
             simulated_s: run.end_s,
             torn: run.truncation.clone(),
         };
-        Ok(Self {
-            scenario: a.experiment.name.clone(),
+        Self {
             runs: [head(a, &labels[0]), head(b, &labels[1])],
             merge: layout.merge.as_ref().map(|merge| merge.name.clone()),
+            only: pair.only().clone(),
             settings: settings(a, b),
             rows: rows(runs, &numbers),
             apart: apart(a, b),
-        })
+        }
     }
 
     /// The rows as a tidy table: one for each quantity, run and vehicle.
@@ -161,96 +158,6 @@ impl Comparison {
         }
         table
     }
-}
-
-/// Checks that the runs are of one scenario.
-fn require_same(a: &RunLog, b: &RunLog) -> Result<(), CompareError> {
-    let mut what = Vec::new();
-    let (x, y) = (&a.experiment, &b.experiment);
-    if x.name != y.name {
-        what.push(format!("the scenarios are \"{}\" and \"{}\"", x.name, y.name));
-    }
-    if x.map_bytes != y.map_bytes {
-        let lanes = [x, y].map(|experiment| experiment.city_map.lanes.len());
-        what.push(format!("the maps differ ({} and {} lanes)", lanes[0], lanes[1]));
-    }
-    if x.scale != y.scale {
-        what.push(format!("the length scales are {} and {}", x.scale.factor(), y.scale.factor()));
-    }
-    let ids = |run: &RunLog| {
-        run.vehicles.iter().map(|trace| (trace.id, trace.name.clone())).collect::<BTreeSet<_>>()
-    };
-    let (ours, theirs) = (ids(a), ids(b));
-    if what.is_empty() && ours.is_disjoint(&theirs) {
-        what.push("they have no vehicle in common, by number and name".to_owned());
-    }
-    let logs = [a, b].map(|run| run.path.display().to_string());
-    if what.is_empty() { Ok(()) } else { Err(CompareError { logs, what: what.join("; ") }) }
-}
-
-/// The settings that differ.
-fn settings(a: &RunLog, b: &RunLog) -> Vec<String> {
-    let (x, y) = (&a.experiment, &b.experiment);
-    let mut found = Vec::new();
-    let mut note = |what: &str, values: [String; 2]| {
-        if values[0] != values[1] {
-            found.push(format!("{what}: {}, {}", values[0], values[1]));
-        }
-    };
-    note("seed", [x.seed, y.seed].map(|seed| seed.to_string()));
-    note("duration_s", [x.duration_s, y.duration_s].map(|seconds| seconds.to_string()));
-    note("model", [x.model, y.model].map(|model| format!("{model:?}").to_lowercase()));
-    note("version", [a, b].map(|run| run.version.clone()));
-    note("origin", [a.origin, b.origin].map(|origin| format!("{origin:?}").to_lowercase()));
-    let environment =
-        [x, y].map(|experiment| leaves(&serde_json::to_value(experiment.environment).unwrap_or_default()));
-    note_leaves("environment", &environment, &mut note);
-    // Comments and order do not count.
-    let scenario = [x, y].map(|experiment| {
-        let text: toml::Table = experiment.scenario_text.parse().unwrap_or_default();
-        let mut leaves = leaves(&serde_json::to_value(text).unwrap_or_default());
-        leaves.retain(|key, _| {
-            !["environment", "seed", "duration_s"].iter().any(|known| key.starts_with(known))
-        });
-        leaves
-    });
-    note_leaves("", &scenario, &mut note);
-    found
-}
-
-fn note_leaves(
-    under: &str,
-    leaves: &[BTreeMap<String, String>; 2],
-    note: &mut impl FnMut(&str, [String; 2]),
-) {
-    let keys: BTreeSet<&String> = leaves.iter().flat_map(BTreeMap::keys).collect();
-    for key in keys {
-        let value =
-            |leaves: &BTreeMap<String, String>| leaves.get(key).cloned().unwrap_or_else(|| "none".to_owned());
-        let name = if under.is_empty() { key.clone() } else { format!("{under}.{key}") };
-        note(&name, [value(&leaves[0]), value(&leaves[1])]);
-    }
-}
-
-/// Values of a document by their dotted paths.
-fn leaves(value: &serde_json::Value) -> BTreeMap<String, String> {
-    fn walk(value: &serde_json::Value, path: &str, found: &mut BTreeMap<String, String>) {
-        let under = |key: &str| if path.is_empty() { key.to_owned() } else { format!("{path}.{key}") };
-        match value {
-            serde_json::Value::Object(map) => {
-                map.iter().for_each(|(key, value)| walk(value, &under(key), found));
-            }
-            serde_json::Value::Array(list) => {
-                list.iter()
-                    .enumerate()
-                    .for_each(|(index, value)| walk(value, &under(&(index + 1).to_string()), found));
-            }
-            leaf => drop(found.insert(path.to_owned(), leaf.to_string())),
-        }
-    }
-    let mut found = BTreeMap::new();
-    walk(value, "", &mut found);
-    found
 }
 
 /// Time interval of a stop.

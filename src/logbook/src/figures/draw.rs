@@ -173,11 +173,18 @@ impl<B: DrawingBackend> FigurePainter<'_, B> {
         if let (Some(scale), Some(place)) = (&figure.scale, plan.scale) {
             self.scale(scale, place)?;
         }
-        for ((panel, &place), &has_names) in figure.panels.iter().zip(&plan.panels).zip(&plan.have_names) {
+        for (index, (panel, &place)) in figure.panels.iter().zip(&plan.panels).enumerate() {
             self.panel(panel, place)?;
-            let title = (place.x, place.y - plan.over - LINE_MM / 2.0 + 0.5);
-            self.text(&panel.title, title, TextFormat { points: TEXT_PT, ..SMALL })?;
-            self.names(panel, place, has_names)?;
+            self.upright_names(panel, place)?;
+            if plan.have_names[index] {
+                let first = index - index % figure.columns.max(1);
+                self.level_names(&figure.panels[first..=index], place)?;
+            }
+        }
+        for (title, place) in plan.panel_titles.iter().zip(&plan.panels) {
+            for (y, line) in title {
+                self.text(line, (place.x, *y), TextFormat { points: TEXT_PT, ..SMALL })?;
+            }
         }
         for (y, line) in &plan.note {
             self.text(line, (EDGE_MM, *y), TextFormat { colour: GREY, v: VPos::Top, ..SMALL })?;
@@ -277,21 +284,28 @@ impl<B: DrawingBackend> FigurePainter<'_, B> {
         }
     }
 
-    /// Labels of reference lines outside the axes: horizontal ones to the right, vertical ones above.
-    fn names(&self, panel: &Panel, place: PaperRect, has_names: bool) -> Result<(), DrawError> {
+    /// Labels of vertical reference lines, above the axes.
+    fn upright_names(&self, panel: &Panel, place: PaperRect) -> Result<(), DrawError> {
+        for rule in panel.rules.iter().filter(|rule| !rule.is_level) {
+            let Some(at) = rule_at(rule, panel, place) else { continue };
+            let (off, h) = if rule.is_before { (0.6, HPos::Right) } else { (-0.6, HPos::Left) };
+            let words = TextFormat { colour: GREY, h, ..SMALL };
+            self.text(&rule.name, (at + off, place.y - 2.0), words)?;
+        }
+        Ok(())
+    }
+
+    /// Labels of the horizontal reference lines of a row, to the right of its last panel.
+    fn level_names(&self, row: &[Panel], place: PaperRect) -> Result<(), DrawError> {
         let words = TextFormat { colour: GREY, ..SMALL };
         let mut level: Vec<(f64, &str)> = Vec::new();
-        for rule in &panel.rules {
-            let Some(at) = rule_at(rule, panel, place) else { continue };
-            if rule.is_level {
-                level.push((at, &rule.name));
-                continue;
+        for panel in row {
+            for rule in panel.rules.iter().filter(|rule| rule.is_level) {
+                let Some(at) = rule_at(rule, panel, place) else { continue };
+                if !level.contains(&(at, rule.name.as_str())) {
+                    level.push((at, &rule.name));
+                }
             }
-            let (off, h) = if rule.is_before { (0.6, HPos::Right) } else { (-0.6, HPos::Left) };
-            self.text(&rule.name, (at + off, place.y - 2.0), TextFormat { h, ..words })?;
-        }
-        if !has_names {
-            return Ok(());
         }
         level.sort_by(|a, b| a.0.total_cmp(&b.0));
         let wanted: Vec<f64> = level.iter().map(|(at, _)| *at).collect();
@@ -320,9 +334,14 @@ impl<B: DrawingBackend> FigurePainter<'_, B> {
         let points = thinned(points);
         match stroke.dash {
             Dash::Solid => self.solid(&points, stroke),
-            Dash::Dashed => dashes(&points, 2.2, 1.3).iter().try_for_each(|dash| self.solid(dash, stroke)),
-            Dash::Dotted => dashes(&points, 0.6, 0.9).iter().try_for_each(|dash| self.solid(dash, stroke)),
+            Dash::Dashed => self.dashed(&points, &[2.2, 1.3], stroke),
+            Dash::Dotted => self.dashed(&points, &[0.6, 0.9], stroke),
+            Dash::DashDotted => self.dashed(&points, &[2.2, 0.9, 0.6, 0.9], stroke),
         }
+    }
+
+    fn dashed(&self, points: &[(f64, f64)], pattern_mm: &[f64], stroke: LineStyle) -> Result<(), DrawError> {
+        dashes(points, pattern_mm).iter().try_for_each(|dash| self.solid(dash, stroke))
     }
 
     fn solid(&self, points: &[(f64, f64)], stroke: LineStyle) -> Result<(), DrawError> {
@@ -354,15 +373,13 @@ impl<B: DrawingBackend> FigurePainter<'_, B> {
 
 /// Ticks of both axes with their labels.
 fn marks(panel: &Panel, place: PaperRect) -> [Vec<(f64, String)>; 2] {
-    if let Some(marks) = &panel.marks {
-        return marks.clone();
-    }
     let round = |range, most: usize| {
         let (values, decimals) = ticks(range, most);
         values.into_iter().map(|value| (value, format!("{value:.decimals$}"))).collect()
     };
     let most = [((place.width / 11.0) as usize).max(2), ((place.height / 8.0) as usize).clamp(3, 10)];
-    [round(panel.x, most[0]), round(panel.y, most[1])]
+    let [x, y] = panel.marks.clone();
+    [x.unwrap_or_else(|| round(panel.x, most[0])), y.unwrap_or_else(|| round(panel.y, most[1]))]
 }
 
 /// Position of a reference line on the page; `None` outside the axes.
@@ -411,11 +428,11 @@ fn thinned(points: &[(f64, f64)]) -> Vec<(f64, f64)> {
     kept
 }
 
-/// The drawn pieces of a dashed line.
-fn dashes(points: &[(f64, f64)], on_mm: f64, off_mm: f64) -> Vec<Vec<(f64, f64)>> {
+/// The drawn pieces of a dashed line. The pattern has the lengths of pieces and gaps by turns.
+fn dashes(points: &[(f64, f64)], pattern_mm: &[f64]) -> Vec<Vec<(f64, f64)>> {
     let mut found = Vec::new();
     let mut dash: Vec<(f64, f64)> = points.first().copied().into_iter().collect();
-    let (mut is_on, mut left_mm) = (true, on_mm);
+    let (mut part, mut is_on, mut left_mm) = (0, true, pattern_mm[0]);
     for pair in points.windows(2) {
         let (mut from, to) = (pair[0], pair[1]);
         loop {
@@ -435,8 +452,9 @@ fn dashes(points: &[(f64, f64)], on_mm: f64, off_mm: f64) -> Vec<Vec<(f64, f64)>
             } else {
                 dash = vec![from];
             }
-            is_on = !is_on;
-            left_mm = if is_on { on_mm } else { off_mm };
+            part = (part + 1) % pattern_mm.len();
+            is_on = part % 2 == 0;
+            left_mm = pattern_mm[part];
         }
     }
     if is_on && dash.len() > 1 {
@@ -491,7 +509,10 @@ mod tests {
     #[test]
     fn a_dashed_line_is_as_long_as_its_dashes_and_goes_round_corners() {
         let line = [(0.0, 0.0), (1.0, 0.0), (1.0, 4.0)];
-        let found = dashes(&line, 2.0, 1.0);
+        let found = dashes(&line, &[2.0, 1.0]);
         assert_eq!(found, [vec![(0.0, 0.0), (1.0, 0.0), (1.0, 1.0)], vec![(1.0, 2.0), (1.0, 4.0)]]);
+        let found = dashes(&[(0.0, 0.0), (8.0, 0.0)], &[2.0, 1.0, 0.5, 1.0]);
+        assert_eq!(found[..2], [vec![(0.0, 0.0), (2.0, 0.0)], vec![(3.0, 0.0), (3.5, 0.0)]]);
+        assert_eq!(found[2], [(4.5, 0.0), (6.5, 0.0)]);
     }
 }

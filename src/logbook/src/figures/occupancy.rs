@@ -1,6 +1,7 @@
 //! Occupancy of conflict zones: when each vehicle was in them, beside the space-time diagrams of the paths.
 
-use super::chart::{ChartLine, Dash, Figure, LineStyle, Panel, ticks};
+use super::chart::{ChartLine, Colour, Dash, Figure, LegendEntry, LineStyle, Panel};
+use super::paths::StreamMember;
 use super::run::{RunLog, Trace};
 use super::table::number;
 use super::views::FigureSet;
@@ -70,22 +71,16 @@ const MOST_NAMED: usize = 4;
 const BAR_PT: f64 = 5.0;
 const INSIDE_PT: f64 = 3.2;
 
-/// Zones that vehicles passed on both sides: those with most stays, by their numbers.
-fn met_zones(runs: &[Vec<ZoneStay>], is_shown: impl Fn(VehicleId) -> bool) -> Vec<ZoneId> {
-    let mut sides: BTreeMap<ZoneId, [usize; 2]> = BTreeMap::new();
-    for stay in runs.iter().flatten().filter(|stay| is_shown(stay.vehicle)) {
-        sides.entry(stay.zone).or_default()[stay.side] += 1;
-    }
-    let mut met: Vec<(usize, ZoneId)> = sides
-        .into_iter()
-        .filter(|(_, counts)| counts.iter().all(|count| *count > 0))
-        .map(|(zone, counts)| (counts[0] + counts[1], zone))
-        .collect();
-    met.sort_by(|a, b| b.0.cmp(&a.0).then(a.1.cmp(&b.1)));
-    met.truncate(MOST_ZONES);
-    let mut zones: Vec<ZoneId> = met.into_iter().map(|(_, zone)| zone).collect();
-    zones.sort();
-    zones
+/// Colour of vehicles that are on none of the paths.
+const OTHERS: Colour = [170, 170, 170];
+
+/// Stays in a zone.
+#[derive(Clone, Copy, Debug, Default)]
+struct StaysOfZone {
+    /// Number on each side.
+    sides: [usize; 2],
+    /// One of them at least is that of a vehicle on one of the paths.
+    is_on_path: bool,
 }
 
 impl FigureSet<'_> {
@@ -93,7 +88,7 @@ impl FigureSet<'_> {
     /// no zone was passed on both sides.
     pub(super) fn occupancy(&self) -> Option<Figure> {
         let stays: Vec<Vec<ZoneStay>> = self.runs.iter().map(zone_stays).collect();
-        let zones = met_zones(&stays, |id| self.strokes.contains_key(&id));
+        let zones = self.zones_of_paths(&stays);
         if zones.is_empty() {
             return None;
         }
@@ -106,11 +101,11 @@ impl FigureSet<'_> {
                 figure.panels.push(self.path_panel((run, stream), &zones, stays));
             }
         }
-        Self::fit_alike(&mut figure, &[0.0, last_s], &[]);
+        Self::fit_alike(&mut figure, &[0.0, last_s], self.origin());
         let x = figure.panels.first().map_or((0.0, last_s), |panel| panel.x);
         for (run, stays) in stays.iter().enumerate() {
             figure.panels.push(self.zone_panel(run, &zones, stays, x));
-            let shown = stays.iter().filter(|stay| self.strokes.contains_key(&stay.vehicle));
+            let shown = stays.iter().filter(|stay| self.shows(stay.vehicle));
             for stay in shown.filter(|stay| zones.contains(&stay.zone)) {
                 let zone = map.zone(stay.zone);
                 figure.table.rows.push(vec![
@@ -126,10 +121,21 @@ impl FigureSet<'_> {
             }
         }
         figure.row_height *= if self.runs.len() == 1 { 0.5 } else { 0.7 };
-        figure.legend = self.legend(0..self.layout.streams.len());
+        let all = 0..self.layout.streams.len();
+        figure.legend = match self.has_own_colours() {
+            true => self.legend(all),
+            false => all.filter_map(|stream| self.key_of_path(stream)).collect(),
+        };
         figure.legend.iter_mut().for_each(|key| key.stroke.dash = Dash::Solid);
+        if figure.panels.iter().flat_map(|panel| &panel.lines).any(|line| line.stroke.colour == OTHERS) {
+            figure.legend.push(LegendEntry {
+                name: "vehicles of other paths".to_owned(),
+                stroke: LineStyle::solid(OTHERS),
+            });
+        }
         figure.note = format!(
-            "Thick: in a conflict zone, from the front bumper at its beginning until the rear bumper is behind it. {} {}",
+            "Thick: in a conflict zone, from the front bumper at its beginning until the rear bumper is behind it. \
+             Below, a row for each zone, with its two sides one above the other. {} {}",
             named(map, &zones),
             self.origin_note()
         );
@@ -146,7 +152,7 @@ impl FigureSet<'_> {
         let mut panel = Panel { title, y_label: "Position [m]".to_owned(), ..Panel::default() };
         for segment in self.segments(run, stream) {
             let id = segment.trace.id;
-            let stroke = LineStyle { dash: Dash::Solid, ..self.stroke_on(stream, id) };
+            let stroke = self.bar_style(stream, id);
             let points: Vec<(f64, f64)> =
                 segment.points.iter().map(|&(k, m, _)| (segment.trace.samples[k].time_s, m)).collect();
             let own = stays.iter().filter(|stay| stay.vehicle == id && zones.contains(&stay.zone));
@@ -167,35 +173,67 @@ impl FigureSet<'_> {
     /// Stays by zone: a row for each zone, a bar for each vehicle, those of the second side lower.
     fn zone_panel(&self, run: usize, zones: &[ZoneId], stays: &[ZoneStay], x: (f64, f64)) -> Panel {
         let count = zones.len() as f64;
-        let (seconds, decimals) = ticks(x, 9);
-        let marks = [
-            seconds.into_iter().map(|value| (value, format!("{value:.decimals$}"))).collect(),
-            zones.iter().enumerate().map(|(row, zone)| (row as f64, zone.0.to_string())).collect(),
-        ];
+        let rows = zones.iter().enumerate().map(|(row, zone)| (row as f64, zone.0.to_string()));
         let mut panel = Panel {
             title: self.panel_title(run),
             x_label: "Time [s]".to_owned(),
             y_label: "Zone".to_owned(),
             x,
             y: (-0.5, count - 0.5),
-            marks: Some(marks),
+            marks: [None, Some(rows.collect())],
+            height_share: (0.25 + 0.1 * count).min(1.0),
             ..Panel::default()
         };
         let apart = if zones.len() > MOST_ZONES / 2 { 0.18 } else { 0.12 };
-        for stay in stays.iter().filter(|stay| self.strokes.contains_key(&stay.vehicle)) {
+        for stay in stays.iter().filter(|stay| self.shows(stay.vehicle)) {
             let Some(row) = zones.iter().position(|zone| *zone == stay.zone) else { continue };
             let y = row as f64 + if stay.side == 0 { apart } else { -apart };
             let width_pt = BAR_PT.min(28.0 / count);
-            let stream = self.stream_of(run, stay.vehicle);
-            let stroke = LineStyle { dash: Dash::Solid, width_pt, ..self.stroke_on(stream, stay.vehicle) };
+            let style = self.stream_of(run, stay).map(|stream| self.bar_style(stream, stay.vehicle));
+            let style = style.unwrap_or(LineStyle::solid(OTHERS));
+            let stroke = LineStyle { width_pt, ..style };
             panel.lines.push(ChartLine { points: vec![(stay.entered_s, y), (stay.left_s, y)], stroke });
         }
         panel
     }
 
-    fn stream_of(&self, run: usize, id: VehicleId) -> usize {
-        let has = |stream: &super::paths::Stream| stream.members.iter().any(|member| member.vehicle == id);
-        self.streams[run].iter().position(has).unwrap_or(0)
+    /// Solid line in the colour of a vehicle or, where colours are there twice, of its path.
+    fn bar_style(&self, stream: usize, id: VehicleId) -> LineStyle {
+        let style =
+            if self.has_own_colours() { self.style_on(stream, id) } else { self.style_of_path(stream) };
+        LineStyle { dash: Dash::Solid, ..style }
+    }
+
+    /// The path on which a vehicle is during a stay; `None` where it is on none.
+    fn stream_of(&self, run: usize, stay: &ZoneStay) -> Option<usize> {
+        let trace = self.runs[run].vehicle(stay.vehicle)?;
+        let is_there = |member: &StreamMember| {
+            member.vehicle == stay.vehicle
+                && (member.from_m..=member.to_m).contains(&trace.front_at_m(stay.entered_s))
+        };
+        self.streams[run].iter().position(|stream| stream.members.iter().any(is_there))
+    }
+
+    /// Zones that vehicles passed on both sides, at least one of them on a path: those with most stays, by their numbers.
+    fn zones_of_paths(&self, runs: &[Vec<ZoneStay>]) -> Vec<ZoneId> {
+        let mut stays_of: BTreeMap<ZoneId, StaysOfZone> = BTreeMap::new();
+        for (run, stays) in runs.iter().enumerate() {
+            for stay in stays.iter().filter(|stay| self.shows(stay.vehicle)) {
+                let of = stays_of.entry(stay.zone).or_default();
+                of.sides[stay.side] += 1;
+                of.is_on_path |= self.stream_of(run, stay).is_some();
+            }
+        }
+        let mut met: Vec<(usize, ZoneId)> = stays_of
+            .into_iter()
+            .filter(|(_, of)| of.is_on_path && of.sides.iter().all(|count| *count > 0))
+            .map(|(zone, of)| (of.sides.iter().sum(), zone))
+            .collect();
+        met.sort_by(|a, b| b.0.cmp(&a.0).then(a.1.cmp(&b.1)));
+        met.truncate(MOST_ZONES);
+        let mut zones: Vec<ZoneId> = met.into_iter().map(|(_, zone)| zone).collect();
+        zones.sort();
+        zones
     }
 }
 

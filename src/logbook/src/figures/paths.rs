@@ -4,6 +4,7 @@
 use super::run::{RunLog, Trace};
 use city3d_protocol::snapshot::VehicleId;
 use city3d_roadmap::{CityMap, ControlLineKind, LaneId, ZoneKind};
+use city3d_simulation::scenario::counted;
 use std::collections::{BTreeMap, BTreeSet};
 use thiserror::Error;
 
@@ -27,10 +28,41 @@ pub struct Stream {
     pub name: String,
     /// The lane that identifies the path.
     pub lane: String,
-    /// Stop or yield line, city metres before the merging point.
-    pub line_before_m: Option<f64>,
+    /// Where its vehicles give way; `None` where they do not.
+    pub line: Option<GiveWayLine>,
     /// Passages in id order of the vehicles.
     pub members: Vec<StreamMember>,
+}
+
+/// A line at which the vehicles of a path give way.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct GiveWayLine {
+    /// City metres from it to the merging point.
+    pub before_m: f64,
+    /// What stands there.
+    pub kind: GiveWayKind,
+}
+
+/// What makes vehicles give way at a line.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum GiveWayKind {
+    /// A yield line.
+    Yield,
+    /// A stop line.
+    Stop,
+    /// A traffic signal, by the place of its head in the list of all heads.
+    Signal(usize),
+}
+
+impl GiveWayKind {
+    /// Its name in figures.
+    pub fn label(self) -> &'static str {
+        match self {
+            Self::Yield => "yield line",
+            Self::Stop => "stop line",
+            Self::Signal(_) => "signal",
+        }
+    }
 }
 
 /// A merging point: where two or more streams meet.
@@ -64,6 +96,8 @@ const BEFORE_M: f64 = 5.0;
 const BEHIND_M: f64 = 2.5;
 /// A line this far before the merging point belongs to it, laboratory metres.
 const LINE_WITHIN_M: f64 = 1.0;
+/// Most merging points that a message lists.
+const MOST_LISTED: usize = 8;
 /// Most groups of vehicles in a run without a merging point.
 const MOST_GROUPS: usize = 4;
 
@@ -72,6 +106,10 @@ const MOST_GROUPS: usize = 4;
 pub struct StreamLayout {
     /// `None` where no streams merge.
     pub merge: Option<MergingPoint>,
+    /// The merging point was named; otherwise it is the one with most vehicles.
+    pub is_requested: bool,
+    /// The other merging points of the run, those with most vehicles first.
+    pub other_merges: Vec<MergingPoint>,
     /// Position of the merging point, city metres. Without one it is 0, and positions count from the beginning of
     /// the stream's lane.
     pub merge_at_m: f64,
@@ -84,8 +122,8 @@ pub struct StreamLayout {
 pub struct StreamLane {
     /// Last lane before the merging point; without one, a lane that all vehicles of the stream have driven.
     pub lane: LaneId,
-    /// Stop or yield line, city metres before the merging point; `None` without one nearby.
-    pub line_before_m: Option<f64>,
+    /// Whether vehicles give way at a line near the merging point.
+    pub gives_way: bool,
 }
 
 impl StreamLayout {
@@ -96,21 +134,27 @@ impl StreamLayout {
     /// [`PathError::NoMerge`] with the known merging points.
     pub fn of(run: &RunLog, name: Option<&str>, origin_m: Option<f64>) -> Result<Self, PathError> {
         let map = &run.experiment.city_map;
-        let merges = merges(run);
-        let merge = match name {
-            Some(name) => Some(find(map, &merges, name)?),
-            None => merges.into_iter().next(),
-        };
-        let Some(merge) = merge else {
-            return Ok(Self { merge: None, merge_at_m: 0.0, streams: groups(run) });
-        };
+        let mut merges = merges(run);
+        let chosen = name.map(|name| find(map, &merges, name)).transpose()?.unwrap_or(0);
+        if merges.is_empty() {
+            return Ok(Self {
+                merge: None,
+                is_requested: false,
+                other_merges: merges,
+                merge_at_m: 0.0,
+                streams: groups(run),
+            });
+        }
+        let merge = merges.remove(chosen);
         let mut streams: Vec<StreamLane> = merge
             .approaches
             .iter()
-            .map(|&lane| StreamLane { lane, line_before_m: line_before(run, lane) })
+            .map(|&lane| StreamLane { lane, gives_way: line_before(run, lane).is_some() })
             .collect();
-        streams.sort_by_key(|stream| (stream.line_before_m.is_none(), stream.lane));
-        let mut layout = Self { merge: Some(merge), merge_at_m: 0.0, streams };
+        streams.sort_by_key(|stream| (!stream.gives_way, stream.lane));
+        let is_requested = name.is_some();
+        let mut layout =
+            Self { merge: Some(merge), is_requested, other_merges: merges, merge_at_m: 0.0, streams };
         layout.merge_at_m = origin_m.unwrap_or_else(|| layout.first_start(run));
         Ok(layout)
     }
@@ -133,7 +177,7 @@ impl StreamLayout {
         let named = |(index, stream): (usize, &StreamLane)| Stream {
             name: format!("Path {}", index + 1),
             lane: map.lane(stream.lane).name.clone(),
-            line_before_m: stream.line_before_m,
+            line: self.merge.as_ref().and_then(|_| line_before(run, stream.lane)),
             members: match &self.merge {
                 Some(merge) => self.through(run, merge, stream.lane),
                 None => self.along(run, stream.lane),
@@ -255,32 +299,53 @@ pub fn merges(run: &RunLog) -> Vec<MergingPoint> {
     found
 }
 
-fn find(map: &CityMap, merges: &[MergingPoint], name: &str) -> Result<MergingPoint, PathError> {
+/// The place of the merging point at which a lane begins.
+fn find(map: &CityMap, merges: &[MergingPoint], name: &str) -> Result<usize, PathError> {
     let lane = map.lane_by_name(name).map(|lane| lane.id);
-    let found = merges.iter().find(|merge| lane.is_some_and(|lane| merge.lanes.contains(&lane)));
-    found.cloned().ok_or_else(|| {
-        let some = merges.iter().take(8).map(|merge| format!("{} ({} vehicles)", merge.name, merge.vehicles));
+    let found = merges.iter().position(|merge| lane.is_some_and(|lane| merge.lanes.contains(&lane)));
+    found.ok_or_else(|| {
         let known = match merges.len() {
             0 => "no streams merge anywhere".to_owned(),
-            _ => format!("they do at {}", some.collect::<Vec<_>>().join(", ")),
+            _ => format!("they do at {}", listed(merges)),
         };
         PathError::NoMerge { name: name.to_owned(), known }
     })
 }
 
-/// Distance from the nearest stop or yield line to the merging point.
-fn line_before(run: &RunLog, approach: LaneId) -> Option<f64> {
+/// The first merging points with their numbers of vehicles, in words.
+pub(super) fn listed(merges: &[MergingPoint]) -> String {
+    let some = merges.iter().take(MOST_LISTED);
+    let mut words: Vec<String> =
+        some.map(|merge| format!("{} ({})", merge.name, counted(merge.vehicles, "vehicle"))).collect();
+    if merges.len() > MOST_LISTED {
+        words.push(format!("{} more", merges.len() - MOST_LISTED));
+    }
+    words.join(", ")
+}
+
+/// The line nearest to the merging point at which vehicles give way. A signal counts for the lines beside it.
+fn line_before(run: &RunLog, approach: LaneId) -> Option<GiveWayLine> {
     let map = &run.experiment.city_map;
     let most_m = run.experiment.scale.city_from_lab(LINE_WITHIN_M);
     let mut open = vec![(approach, 0.0)];
-    let mut nearest: Option<f64> = None;
+    let mut nearest: Option<GiveWayLine> = None;
     while let Some((lane, behind_m)) = open.pop() {
         let length_m = map.lane(lane).curve.length();
-        let gives_way = |kind| matches!(kind, ControlLineKind::Stop | ControlLineKind::Yield);
-        let lines = map.lines.iter().filter(|line| line.lane == lane && gives_way(line.kind));
-        let here = lines.map(|line| behind_m + length_m - line.at_m).filter(|m| *m <= most_m);
-        match here.min_by(f64::total_cmp) {
-            Some(found) => nearest = Some(nearest.map_or(found, |known| known.min(found))),
+        let line = |at_m, kind| GiveWayLine { before_m: behind_m + length_m - at_m, kind };
+        let heads = map.signals.iter().enumerate().filter(|(_, head)| head.lane == lane);
+        let mut here: Vec<GiveWayLine> =
+            heads.map(|(index, head)| line(head.at_m, GiveWayKind::Signal(index))).collect();
+        if here.is_empty() {
+            let lines = map.lines.iter().filter(|line| line.lane == lane);
+            here.extend(lines.map(|drawn| match drawn.kind {
+                ControlLineKind::Stop => line(drawn.at_m, GiveWayKind::Stop),
+                ControlLineKind::Yield => line(drawn.at_m, GiveWayKind::Yield),
+            }));
+        }
+        let near = here.into_iter().filter(|line| line.before_m <= most_m);
+        let nearer = |a: &GiveWayLine, b: &GiveWayLine| a.before_m.total_cmp(&b.before_m);
+        match near.min_by(nearer) {
+            Some(found) => nearest = nearest.into_iter().chain([found]).min_by(nearer),
             None if behind_m + length_m < most_m => {
                 open.extend(map.lane(lane).predecessors.iter().map(|&before| (before, behind_m + length_m)));
             }
@@ -305,7 +370,7 @@ fn groups(run: &RunLog) -> Vec<StreamLane> {
         let way = left.iter().flat_map(|trace| &trace.track.visits).map(|visit| visit.lane);
         let Some(lane) = way.into_iter().find(|lane| counts.get(lane) == Some(&most)) else { break };
         left.retain(|trace| trace.track.visits.iter().all(|visit| visit.lane != lane));
-        found.push(StreamLane { lane, line_before_m: None });
+        found.push(StreamLane { lane, gives_way: false });
     }
     found
 }

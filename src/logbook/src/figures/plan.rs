@@ -28,8 +28,8 @@ pub struct PageLayout {
     pub keys: Vec<(LegendEntry, (f64, f64))>,
     /// Place of the colour bar; `None` where the figure has none.
     pub scale: Option<PaperRect>,
-    /// Height between the axes and the title of the panel.
-    pub over: f64,
+    /// Lines of each panel's title, each with the height of its middle below the top of the page.
+    pub panel_titles: Vec<Vec<(f64, String)>>,
     /// Axes of each panel, without title and labels.
     pub panels: Vec<PaperRect>,
     /// Whether each panel labels its horizontal reference lines: the last one of a row.
@@ -103,7 +103,6 @@ impl PageLayout {
         if scale.is_some() {
             y += 2.5 + LINE_MM + 0.5;
         }
-        let has_titles = figure.panels.iter().any(|panel| !panel.title.is_empty());
         let rules = || figure.panels.iter().flat_map(|panel| &panel.rules);
         let mut right = 3.0;
         let has_names = size == FigureSize::Page;
@@ -112,15 +111,24 @@ impl PageLayout {
         }
         let left = 14.0;
         let over = if rules().any(|rule| !rule.is_level) { LINE_MM } else { 1.5 };
-        let (top, bottom) = (if has_titles { LINE_MM + 1.0 } else { 0.0 } + over, 2.0 * LINE_MM + 1.5);
         // Labels of horizontal lines are right of the last column.
         let cell = (inner_mm - right + 3.0) / columns as f64;
+        let titles = figure.panels.iter().map(|panel| wrapped(&panel.title, TEXT_PT, cell - left - 3.0));
+        let titles: Vec<Vec<String>> = titles.collect::<Result<_, _>>()?;
+        let most = titles.iter().map(Vec::len).max().unwrap_or(0);
+        let titles_mm = if most > 0 { most as f64 * LINE_MM + 1.0 } else { 0.0 };
+        let (top, bottom) = (titles_mm + over, 2.0 * LINE_MM + 1.5);
         let height = figure.row_height * if size == FigureSize::Column { inner_mm * 1.1 } else { inner_mm };
         let height = if columns == 1 && size == FigureSize::Page { height.min(85.0) } else { height };
-        let (mut panels, mut have_names) = (Vec::new(), Vec::new());
-        for (index, panel) in figure.panels.iter().enumerate() {
+        let (mut panels, mut have_names, mut panel_titles) = (Vec::new(), Vec::new(), Vec::new());
+        for (index, (panel, title)) in figure.panels.iter().zip(titles).enumerate() {
             let column = index % columns;
+            // The last line is nearest to the axes.
+            let first_mm = y + top - over - LINE_MM * title.len() as f64 + LINE_MM / 2.0 + 0.5;
+            let places = (0..title.len()).map(|line| first_mm + LINE_MM * line as f64);
+            panel_titles.push(places.zip(title).collect());
             let under = if panel.x_label.is_empty() { 2.0 } else { bottom };
+            let height = height * panel.height_share;
             panels.push(PaperRect {
                 x: EDGE_MM + cell * column as f64 + left,
                 y: y + top,
@@ -144,7 +152,7 @@ impl PageLayout {
             title,
             keys,
             scale,
-            over,
+            panel_titles,
             panels,
             have_names,
             note,

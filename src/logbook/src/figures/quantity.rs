@@ -1,7 +1,8 @@
 //! Quantities of vehicles over time: one figure for several vehicles.
 
-use super::chart::{ChartLine, Figure, LegendEntry, LineStyle, PALETTE, Panel};
+use super::chart::{ChartLine, Figure, LegendEntry, Panel};
 use super::run::Trace;
+use super::style::distinct_styles;
 use super::table::{TidyTable, number};
 use city3d_geometry::LengthScale;
 use city3d_roadmap::LaneId;
@@ -258,8 +259,7 @@ impl SeriesFigure<'_> {
         let mut table = TidyTable::new(&["vehicle", "name", "time_s", quantity.column()]);
         let mut legend = Vec::new();
         let within = |&(time_s, _): &(f64, f64)| (self.span_s.0..=self.span_s.1).contains(&time_s);
-        for (place, trace) in self.shown.iter().enumerate() {
-            let stroke = LineStyle::solid(PALETTE[place % PALETTE.len()]);
+        for (trace, stroke) in self.shown.iter().zip(distinct_styles(self.shown.len())) {
             let values: Vec<(f64, f64)> = quantity
                 .values(trace, self.all)
                 .into_iter()

@@ -4,11 +4,10 @@ use super::track::MatchedPath;
 use crate::record::{LogEntry, LogOrigin, LogReader, NetworkCommand, RecordError};
 use city3d_geometry::Pose2;
 use city3d_protocol::snapshot::{
-    Dimensions, Event, SimCommand, Status, Trajectory, VehicleId, VehicleInfo, VehicleState,
+    Aspect, Dimensions, Event, SimCommand, Status, Trajectory, VehicleId, VehicleInfo, VehicleState,
 };
 use city3d_protocol::wire::Body;
 use city3d_roadmap::LaneIndex;
-use city3d_simulation::environment::EnvironmentSpec;
 use city3d_simulation::scenario::Experiment;
 use glam::DVec2;
 use std::collections::BTreeMap;
@@ -91,6 +90,13 @@ impl Trace {
     pub fn front_m(&self, sample: usize) -> f64 {
         self.track.stations_m[sample] + (self.dimensions.length_m - self.dimensions.wheelbase_m) / 2.0
     }
+
+    /// Station of the front bumper at the first sample that is not before a time, city metres; NaN off the lanes and
+    /// after the last sample.
+    pub fn front_at_m(&self, time_s: f64) -> f64 {
+        let sample = self.samples.partition_point(|sample| sample.time_s < time_s);
+        if sample < self.samples.len() { self.front_m(sample) } else { f64::NAN }
+    }
 }
 
 /// A run with the traces of its vehicles.
@@ -108,6 +114,9 @@ pub struct RunLog {
     pub truncation: Option<String>,
     /// In id order.
     pub vehicles: Vec<Trace>,
+    /// Of each signal head, in id order: the times at which it changed, and what it has shown from then on. Empty
+    /// without signals.
+    pub aspects: Vec<Vec<(f64, Aspect)>>,
     /// In order of time.
     pub events: Vec<Event>,
     /// Time of the last snapshot.
@@ -139,6 +148,7 @@ impl RunLog {
                         .for_each(|c| builder.take(c));
                 }
                 LogEntry::Snapshot(snapshot) => {
+                    builder.see_signals(snapshot.time_s, &snapshot.signals);
                     let vehicles = snapshot.vehicles.iter();
                     vehicles.for_each(|vehicle| builder.see(snapshot.time_s, &vehicle.state()));
                 }
@@ -159,17 +169,6 @@ impl RunLog {
         self.vehicles.binary_search_by_key(&id, |trace| trace.id).ok().map(|index| &self.vehicles[index])
     }
 
-    /// The environment between control framework and vehicles, for labels.
-    pub fn setting(&self) -> &'static str {
-        if self.has_physical {
-            "physical"
-        } else if self.experiment.environment == EnvironmentSpec::IDEAL {
-            "ideal"
-        } else {
-            "testbed emulator"
-        }
-    }
-
     /// Converts city to laboratory lengths, speeds or accelerations.
     pub fn lab(&self, city: f64) -> f64 {
         self.experiment.scale.lab_from_city(city)
@@ -186,6 +185,7 @@ fn commands_of(command: &NetworkCommand, experiment: &Experiment) -> Result<Vec<
 pub struct TraceBuilder {
     experiment: Arc<Experiment>,
     traces: BTreeMap<VehicleId, Trace>,
+    aspects: Vec<Vec<(f64, Aspect)>>,
     /// Names and dimensions of vehicles that came over the link.
     set_up: BTreeMap<VehicleId, (String, Dimensions)>,
     /// The last trajectory of each vehicle.
@@ -198,7 +198,7 @@ impl TraceBuilder {
     /// No vehicle of the experiment has been seen yet.
     pub fn new(experiment: Arc<Experiment>) -> Self {
         let (traces, set_up, wanted) = (BTreeMap::new(), BTreeMap::new(), BTreeMap::new());
-        Self { experiment, traces, set_up, wanted, end_s: 0.0, has_physical: false }
+        Self { experiment, traces, aspects: Vec::new(), set_up, wanted, end_s: 0.0, has_physical: false }
     }
 
     /// The traces so far, in id order; nothing is known of their lanes.
@@ -215,7 +215,7 @@ impl TraceBuilder {
 
     /// Matches the traces to lanes.
     pub fn finish(self, origin: LogOrigin) -> RunLog {
-        let Self { experiment, traces, end_s, has_physical, .. } = self;
+        let Self { experiment, traces, aspects, end_s, has_physical, .. } = self;
         let mut vehicles: Vec<Trace> = traces.into_values().collect();
         let lanes = LaneIndex::new(&experiment.city_map);
         for trace in &mut vehicles {
@@ -235,6 +235,7 @@ impl TraceBuilder {
             version: String::new(),
             truncation: None,
             vehicles,
+            aspects,
             events: Vec::new(),
             end_s,
             has_physical,
@@ -250,6 +251,19 @@ impl TraceBuilder {
                 self.wanted.insert(trajectory.vehicle, trajectory);
             }
             _ => {}
+        }
+    }
+
+    /// Adds what the signal heads show at a time; an earlier time than the last change begins all anew.
+    pub fn see_signals(&mut self, time_s: f64, aspects: &[Aspect]) {
+        let is_reset = |changes: &Vec<(f64, Aspect)>| changes.last().is_some_and(|last| last.0 >= time_s);
+        if self.aspects.len() != aspects.len() || self.aspects.iter().any(is_reset) {
+            self.aspects = vec![Vec::new(); aspects.len()];
+        }
+        for (changes, &aspect) in self.aspects.iter_mut().zip(aspects) {
+            if changes.last().is_none_or(|last| last.1 != aspect) {
+                changes.push((time_s, aspect));
+            }
         }
     }
 

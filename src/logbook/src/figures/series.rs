@@ -2,6 +2,7 @@
 
 use super::chart::{ChartLine, LineStyle, viridis};
 use super::run::{Trace, TraceSample};
+use super::views::PathSegment;
 use city3d_geometry::trig;
 use std::collections::BTreeMap;
 
@@ -30,6 +31,39 @@ pub(super) fn by_speed(trace: &Trace, points: &[(usize, f64, f64)], fastest: f64
         last = Some((here, point));
     }
     lines
+}
+
+/// Positions of a median, over the range of all segments.
+const MEDIAN_POSITIONS: usize = 240;
+/// A median is over at least so many vehicles, and half of them.
+const MEDIAN_OF: usize = 3;
+
+/// Median of the speeds at equidistant positions, over the segments that reach there.
+pub(super) fn median_speeds(segments: &[PathSegment<'_>]) -> Vec<(f64, f64)> {
+    let positions = || segments.iter().flat_map(|segment| &segment.points).map(|(_, position, _)| *position);
+    let from = positions().fold(f64::INFINITY, f64::min);
+    let to = positions().fold(f64::NEG_INFINITY, f64::max);
+    let at = |place: usize| from + (to - from) * place as f64 / MEDIAN_POSITIONS as f64;
+    let median = |position: f64| {
+        let mut speeds: Vec<f64> =
+            segments.iter().filter_map(|segment| speed_at(segment, position)).collect();
+        speeds.sort_by(f64::total_cmp);
+        let middle = speeds.len() / 2;
+        let speed = match speeds.len() % 2 {
+            _ if speeds.len() < MEDIAN_OF || 2 * speeds.len() < segments.len() => f64::NAN,
+            0 => f64::midpoint(speeds[middle - 1], speeds[middle]),
+            _ => speeds[middle],
+        };
+        (position, speed)
+    };
+    (0..=MEDIAN_POSITIONS).map(at).map(median).collect()
+}
+
+/// Speed where a segment first reaches a position, interpolated.
+fn speed_at(segment: &PathSegment<'_>, position: f64) -> Option<f64> {
+    let step = segment.points.windows(2).find(|pair| pair[0].1 <= position && pair[1].1 >= position)?;
+    let [(_, a, from), (_, b, to)] = [step[0], step[1]];
+    Some(if b > a { from + (to - from) * (position - a) / (b - a) } else { from })
 }
 
 /// Centred moving average of the speeds of a trace, with a window of [`AVERAGED_S`].

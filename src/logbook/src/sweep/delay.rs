@@ -4,8 +4,9 @@
 use super::interval::MeanInterval;
 use super::map::SweepResults;
 use super::table::column;
-use crate::figures::chart::{ChartLine, Figure, LegendEntry, LineStyle, PALETTE, Panel};
-use crate::figures::{TidyTable, number};
+use crate::figures::chart::{ChartLine, Dash, Figure, LegendEntry, LineStyle, Panel};
+use crate::figures::{TidyTable, distinct_styles, number};
+use city3d_simulation::scenario::counted;
 use city3d_simulation::sweep::Axis;
 
 /// Name of the figure over an axis that varies the demand.
@@ -120,8 +121,7 @@ impl SweepResults<'_> {
             ..Panel::default()
         };
         let mut legend = Vec::new();
-        for (index, name) in names.iter().enumerate() {
-            let stroke = LineStyle::solid(PALETTE[index % PALETTE.len()]);
+        for (name, stroke) in names.iter().zip(distinct_styles(names.len())) {
             let own: Vec<&DelayPoint> = points.iter().filter(|point| point.curve == *name).collect();
             let line = own.iter().map(|point| (point.x.mean, point.delay.mean)).collect();
             panel.lines.push(ChartLine { points: line, stroke });
@@ -130,8 +130,8 @@ impl SweepResults<'_> {
         }
         panel.fit(&[0.0], &[0.0]);
         let dot = (panel.x.1 - panel.x.0) * DOT;
-        for (index, name) in names.iter().enumerate() {
-            let stroke = LineStyle { width_pt: 3.5, ..LineStyle::solid(PALETTE[index % PALETTE.len()]) };
+        for (name, stroke) in names.iter().zip(distinct_styles(names.len())) {
+            let stroke = LineStyle { width_pt: 3.5, dash: Dash::Solid, ..stroke };
             for point in points.iter().filter(|point| point.curve == *name) {
                 let (x, y) = (point.x.mean, point.delay.mean);
                 panel.lines.push(ChartLine { points: vec![(x - dot, y), (x + dot, y)], stroke });
@@ -147,8 +147,9 @@ impl SweepResults<'_> {
             legend,
             scale: None,
             note: format!(
-                "Means of up to {runs} runs with their 95 % confidence intervals (Student's t). Delay includes the \
-                 time held outside{}.",
+                "Means of up to {} with their 95 % confidence intervals (Student's t). Delay includes the time held \
+                 outside{}.",
+                counted(runs, "run"),
                 if is_demand { "; throughput is measured at the exit" } else { "" }
             ),
             table,
@@ -162,7 +163,7 @@ const DOT: f64 = 0.003;
 /// Confidence intervals of a point, as a cross.
 fn error_bars(point: &DelayPoint, stroke: LineStyle) -> impl Iterator<Item = ChartLine> {
     let (x, y) = (point.x.mean, point.delay.mean);
-    let stroke = LineStyle { width_pt: 0.7, ..stroke };
+    let stroke = LineStyle { width_pt: 0.7, dash: Dash::Solid, ..stroke };
     let upright = point.delay.half_width.map(|half| vec![(x, y - half), (x, y + half)]);
     let level = point.x.half_width.map(|half| vec![(x - half, y), (x + half, y)]);
     [upright, level].into_iter().flatten().map(move |points| ChartLine { points, stroke })

@@ -5,6 +5,7 @@ use super::delay::{DELAY, DELAY_FLOW};
 use super::table::column;
 use crate::figures::chart::{ColourBar, Figure, HeatMapCell, Panel};
 use crate::figures::{TidyTable, number};
+use city3d_simulation::scenario::counted;
 use city3d_simulation::sweep::Axis;
 
 /// Names of the figures.
@@ -104,7 +105,7 @@ impl SweepResults<'_> {
             y_label: y.map_or_else(String::new, |axis| axis.key.clone()),
             x: (-0.5, x.values.len() as f64 - 0.5),
             y: (-0.5, heights as f64 - 0.5),
-            marks: Some([marks(x), y.map(marks).unwrap_or_default()]),
+            marks: [Some(marks(x)), Some(y.map(marks).unwrap_or_default())],
             ..Panel::default()
         };
         let per_cell = (self.rows.len() / (x.values.len() * heights)).max(1);
@@ -128,7 +129,11 @@ impl SweepResults<'_> {
             columns: 1,
             row_height: if y.is_some() { 0.5 } else { 0.12 },
             legend: Vec::new(),
-            scale: Some(ColourBar { label: format!("share of {per_cell} runs"), from: 0.0, to: 1.0 }),
+            scale: Some(ColourBar {
+                label: format!("share of {}", counted(per_cell, "run")),
+                from: 0.0,
+                to: 1.0,
+            }),
             note: format!("{setting}{}", words.note),
             table,
         })

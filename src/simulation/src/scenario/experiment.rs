@@ -1,5 +1,6 @@
 //! A validated experiment: everything that a run depends on, apart from incoming commands.
 
+use super::counted::counted;
 use super::feasibility::STEERING_RESERVE;
 use super::inflow::{Inflow, PlannedArrival};
 use super::models::UserModels;
@@ -9,15 +10,15 @@ use crate::environment::{EnvironmentProfile, EnvironmentSpec};
 use city3d_control::coordination::ControlZone;
 use city3d_control::coordination::platoon::PlatoonParams;
 use city3d_control::{
-    Algorithms, CavGeometry, CavSetup, CoordinationRules, DriverParams, RightOfWayParams, Role, SignalPlan,
-    TrafficRules,
+    Algorithms, CavGeometry, CavSetup, CoordinationRules, DriverParams, RightOfWayParams, Role,
+    SignalControl, SignalPlan, TrafficRules,
 };
 use city3d_dynamics::vehicle::{ModelKind, VehicleSpec};
 use city3d_geometry::{Lab, LengthScale, Pose2, trig};
 use city3d_protocol::snapshot::{Appearance, Dimensions, Setup, VehicleId};
 use city3d_roadmap::{CityMap, LabMap, LaneId};
 use city3d_sensors::Sensor;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
 /// Step rates, per second of simulated time.
@@ -291,7 +292,26 @@ impl Experiment {
     pub fn contents(&self) -> String {
         let sensors: usize = self.vehicles.iter().map(|vehicle| vehicle.sensors.len()).sum();
         let (vehicles, duration_s, seed) = (self.vehicles.len(), self.duration_s, self.seed);
-        format!("{vehicles} vehicles, {sensors} sensors, {duration_s} s, seed {seed}")
+        let (vehicles, sensors) = (counted(vehicles, "vehicle"), counted(sensors, "sensor"));
+        format!("{vehicles}, {sensors}, {duration_s} s, seed {seed}")
+    }
+
+    /// Who goes first at junctions, in words: the algorithm of coordination, signals, or the right of way alone.
+    pub fn junction_control(&self) -> String {
+        let mut words: BTreeSet<&str> = BTreeSet::new();
+        words.extend(self.coordination.as_ref().map(|rules| rules.algorithm.as_str()));
+        words.extend(self.signals.iter().map(|signal| match signal.control {
+            SignalControl::FixedTime => "fixed-time signals",
+            SignalControl::Counted(_) => "Webster's signals",
+            SignalControl::Actuated(_) => "actuated signals",
+        }));
+        if words.is_empty() { "right of way".to_owned() } else { joined(words) }
+    }
+
+    /// The control algorithms of the vehicles, in words; empty for a scenario without vehicles.
+    pub fn controllers(&self) -> String {
+        let arrivals = self.arrivals.iter().map(|arrival| &arrival.vehicle);
+        joined(self.vehicles.iter().chain(arrivals).map(|vehicle| vehicle.controller.as_str()).collect())
     }
 
     /// What each inflow brings, in words.
@@ -300,9 +320,9 @@ impl Experiment {
             let own = || self.arrivals.iter().filter(move |arrival| arrival.inflow == index);
             let humans = own().filter(|arrival| arrival.vehicle.role == Role::Human).count();
             format!(
-                "inflow {}: {} vehicles, {humans} of them with human drivers, enter on lane \"{}\"",
+                "inflow {}: {}, {humans} of them with human drivers, on lane \"{}\"",
                 inflow.name,
-                own().count(),
+                counted(own().count(), "vehicle"),
                 self.lab_map.lane(inflow.lane).name
             )
         })
@@ -312,4 +332,8 @@ impl Experiment {
     pub fn ticks(&self) -> u64 {
         (self.duration_s * f64::from(self.rates.physics_hz)).round() as u64
     }
+}
+
+fn joined(words: BTreeSet<&str>) -> String {
+    words.into_iter().collect::<Vec<_>>().join(" and ")
 }

@@ -1,6 +1,7 @@
 //! Scenario files, validated into an [`Experiment`].
 
 mod changes;
+mod counted;
 mod document;
 mod experiment;
 mod feasibility;
@@ -27,6 +28,7 @@ mod vehicle_type;
 
 pub(crate) use changes::literal;
 pub use changes::{ChangeError, ScenarioChange, with_changes};
+pub use counted::counted;
 pub use document::{EditError, ScenarioDocument, StatedVehicle, VehicleEdit};
 pub use experiment::{Expectations, Experiment, Physical, PlannedVehicle, Rates, Start, pose_on};
 pub use fields::Problem;

@@ -2,7 +2,7 @@
 
 use super::events::numbered_name;
 use super::{UiAction, UiState, ViewModel};
-use city3d_logbook::figures::chart::{Colour, Figure, Panel};
+use city3d_logbook::figures::chart::{Colour, Dash, Figure, Panel};
 use city3d_logbook::figures::{FigureScale, Quantity};
 use city3d_protocol::snapshot::VehicleId;
 use city3d_session::playback::PlaybackCommand;
@@ -223,7 +223,8 @@ fn draw(
     ui.horizontal_wrapped(|ui| {
         for key in &figure.legend {
             let colour = on_ground(key.stroke.colour, ui.visuals().dark_mode);
-            ui.label(RichText::new(format!("\u{2014} {}", key.name)).small().color(colour));
+            let text = format!("{} {}", sample(key.stroke.dash), key.name);
+            ui.label(RichText::new(text).small().color(colour));
         }
     });
     if let Some(scale) = &figure.scale {
@@ -280,7 +281,7 @@ fn plot(ui: &mut Ui, (index, panel): (usize, &Panel), height: f32, at_s: Option<
             let colour = on_ground(line.stroke.colour, is_dark);
             for piece in pieces(&line.points) {
                 let points: PlotPoints<'_> = decimated(piece, panel.x, buckets).into();
-                plot.line(Line::new("", points).color(colour).width(1.5));
+                plot.line(Line::new("", points).color(colour).width(1.5).style(style_of(line.stroke.dash)));
             }
         }
         if let Some(at_s) = at_s {
@@ -293,6 +294,25 @@ fn plot(ui: &mut Ui, (index, panel): (usize, &Panel), height: f32, at_s: Option<
         return shown.inner.map(|point| point.x);
     }
     None
+}
+
+/// A dash pattern as text.
+fn sample(dash: Dash) -> &'static str {
+    match dash {
+        Dash::Solid => "\u{2014}",
+        Dash::Dashed => "- -",
+        Dash::Dotted => "\u{b7}\u{b7}\u{b7}",
+        Dash::DashDotted => "-\u{b7}-",
+    }
+}
+
+fn style_of(dash: Dash) -> LineStyle {
+    match dash {
+        Dash::Solid => LineStyle::Solid,
+        Dash::Dashed => LineStyle::dashed_loose(),
+        Dash::Dotted => LineStyle::dotted_dense(),
+        Dash::DashDotted => LineStyle::dashed_dense(),
+    }
 }
 
 /// The parts of a line between values that are not numbers.

@@ -36,6 +36,11 @@ impl ComparisonPanel {
         (self.is_open, self.compared) = (true, Some(compared));
     }
 
+    /// The runs that are shown; `None` while the other one is chosen.
+    pub fn compared(&self) -> Option<&ComparedRuns> {
+        self.compared.as_ref()
+    }
+
     /// Whether the window is shown.
     pub fn is_open(&self) -> bool {
         self.is_open

@@ -10,6 +10,7 @@ use super::super::settings::runs_folder;
 use super::{ViewedRun, ViewerState, WindowRequest};
 use crate::ui::runs::{ComparedRuns, ONLY_LOCAL, OpenRequest, Problem, ResetQuestion};
 use crate::ui::{CityKind, LiveTraffic, ScenarioChoice};
+use city3d_logbook::figures::some_names;
 use city3d_logbook::measures::RunMeasures;
 use city3d_logbook::record::LogOrigin;
 use city3d_session::playback::Player;
@@ -286,10 +287,22 @@ impl ViewerState {
         let measured = RunMeasures::read(other).map_err(|error| error.to_string())?;
         let name = |what: &str, of: &RunMeasures| format!("{what}: {}, seed {}", of.scenario, of.seed);
         let names = [name("this run", &present), name(&other.display().to_string(), &measured)];
-        let note = (present.scenario != measured.scenario)
-            .then(|| "The two are runs of different scenarios.".to_owned());
-        Ok(ComparedRuns { names, pairs: present.beside(&measured), note })
+        Ok(ComparedRuns { names, pairs: present.beside(&measured), note: differences(&present, &measured) })
     }
+}
+
+/// What the reader of a comparison has to know: other scenarios, and vehicles that only one run has.
+fn differences(present: &RunMeasures, other: &RunMeasures) -> Option<String> {
+    let mut words = Vec::new();
+    if present.scenario != other.scenario {
+        words.push("The two are runs of different scenarios.".to_owned());
+    }
+    for (letter, names) in [("A", present.only(other)), ("B", other.only(present))] {
+        if !names.is_empty() {
+            words.push(format!("Only in {letter}: {}.", some_names(&names)));
+        }
+    }
+    (!words.is_empty()).then(|| words.join(" "))
 }
 
 /// What a reset ends, and what stays of it.

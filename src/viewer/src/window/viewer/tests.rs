@@ -117,6 +117,12 @@ fn another_log_ends_the_run_that_goes_on_and_its_files_are_whole() {
     assert!(!viewer.run_state().has_ended, "it goes on until the log is loaded");
     enter_log(&mut viewer, &what.join("run.mcap"));
     assert!(folder.path().join("b/run-1/summary.json").is_file());
+    viewer.act(vec![UiAction::CompareWith(folder.path().join("b/run-1"))], 0.0);
+    let compared = viewer.state.runs.comparison.compared().unwrap();
+    assert!(compared.names[0].contains("straight, seed") && compared.names[1].contains("roundabout, seed"));
+    let note = compared.note.as_deref().unwrap();
+    assert!(note.contains("different scenarios") && note.contains("Only in A: leader, follower."), "{note}");
+    assert!(note.contains("Only in B: path1_a, path1_b"), "{note}");
     assert!(viewer.act(vec![UiAction::RunAgain(None)], 0.0).is_empty(), "it is no run of this window");
     assert_eq!(viewer.lists.recent, [what.join("run.mcap")]);
     let recorded = viewer.close().unwrap();
