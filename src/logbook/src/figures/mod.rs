@@ -17,7 +17,7 @@ pub use compare::{CompareError, Comparison, ComparisonRow, ComparisonValue, RunH
 pub use draw::{DrawError, FigureSize, WriteError, png, svg, write};
 pub use occupancy::{ZoneStay, zone_stays};
 pub use paths::{MergingPoint, PathError, Stream, StreamLayout, StreamMember, crossings, merges};
-pub use quantity::{FigureScale, Quantity, SeriesFigure};
+pub use quantity::{FigureScale, Quantity, SeriesFigure, compared};
 pub use run::{RunError, RunLog, Trace, TraceBuilder, TraceSample};
 pub use series::{AVERAGED_S, differences, moving_average, rms_speed_difference};
 pub use table::{TidyTable, number};
