@@ -95,13 +95,28 @@ pub struct VehicleMeasures {
     pub collisions: u64,
 }
 
+/// Unit of a measure.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum MeasureUnit {
+    /// A number of things.
+    Count,
+    /// Seconds.
+    Seconds,
+    /// Metres of the full-scale city.
+    Metres,
+    /// Metres per second of the full-scale city.
+    MetresPerSecond,
+    /// Millilitres.
+    Millilitres,
+}
+
 /// A measure of two runs.
 #[derive(Clone, Debug, PartialEq)]
 pub struct MeasurePair {
     /// The measure in words.
     pub quantity: &'static str,
-    /// Unit of the values; empty for counts.
-    pub unit: &'static str,
+    /// Unit of the values.
+    pub unit: MeasureUnit,
     /// Digits after the point that mean something.
     pub digits: usize,
     /// The vehicle, where it is not a measure of the whole run.
@@ -117,8 +132,6 @@ impl MeasurePair {
         Some(second? - first?)
     }
 }
-
-const KMH: f64 = 3.6;
 
 impl RunMeasures {
     /// The measures of a run that has just ended.
@@ -183,6 +196,7 @@ impl RunMeasures {
     /// The measures of this run and of another: those of the whole run, then those of each vehicle that both have, by
     /// name.
     pub fn beside(&self, other: &Self) -> Vec<MeasurePair> {
+        use MeasureUnit::{Count, Metres, MetresPerSecond, Millilitres, Seconds};
         let runs = [self, other];
         let mut pairs = Vec::new();
         let mut of_run = |quantity, unit, digits, value: &dyn Fn(&Self) -> Option<f64>| {
@@ -191,17 +205,17 @@ impl RunMeasures {
                 pairs.push(MeasurePair { quantity, unit, digits, vehicle: None, values });
             }
         };
-        of_run("simulated", "s", 1, &|run| Some(run.simulated_s));
-        of_run("collisions", "", 0, &|run| Some(run.collisions as f64));
-        of_run("stops", "", 0, &|run| Some(run.stops() as f64));
-        of_run("mean speed", "km/h", 1, &|run| Some(run.mean_speed_mps * KMH));
-        of_run("arrived", "", 0, &|run| run.traffic.arrived.map(|count| count as f64));
-        of_run("mean delay", "s", 1, &|run| run.traffic.mean_delay_s);
-        of_run("stood, all together", "s", 1, &|run| run.traffic.stood_s);
-        of_run("fuel", "ml", 1, &|run| run.traffic.fuel_ml);
-        of_run("least time to collision", "s", 2, &|run| run.traffic.min_ttc_s);
-        of_run("least post-encroachment time", "s", 2, &|run| run.traffic.min_pet_s);
-        of_run("least gap", "m", 2, &|run| run.traffic.min_gap_m);
+        of_run("simulated", Seconds, 1, &|run| Some(run.simulated_s));
+        of_run("collisions", Count, 0, &|run| Some(run.collisions as f64));
+        of_run("stops", Count, 0, &|run| Some(run.stops() as f64));
+        of_run("mean speed", MetresPerSecond, 1, &|run| Some(run.mean_speed_mps));
+        of_run("arrived", Count, 0, &|run| run.traffic.arrived.map(|count| count as f64));
+        of_run("mean delay", Seconds, 1, &|run| run.traffic.mean_delay_s);
+        of_run("stood, all together", Seconds, 1, &|run| run.traffic.stood_s);
+        of_run("fuel", Millilitres, 1, &|run| run.traffic.fuel_ml);
+        of_run("least time to collision", Seconds, 2, &|run| run.traffic.min_ttc_s);
+        of_run("least post-encroachment time", Seconds, 2, &|run| run.traffic.min_pet_s);
+        of_run("least gap", Metres, 2, &|run| run.traffic.min_gap_m);
         let named: BTreeMap<&str, &VehicleMeasures> =
             other.vehicles.values().map(|vehicle| (vehicle.name.as_str(), vehicle)).collect();
         for first in self.vehicles.values() {
@@ -215,6 +229,7 @@ impl RunMeasures {
 
 impl VehicleMeasures {
     fn beside(&self, other: &Self) -> impl Iterator<Item = MeasurePair> {
+        use MeasureUnit::{Count, Metres, MetresPerSecond, Seconds};
         let runs = [self, other];
         let pair = |quantity, unit, digits, value: fn(&Self) -> f64| MeasurePair {
             quantity,
@@ -224,11 +239,11 @@ impl VehicleMeasures {
             values: runs.map(|run| Some(value(run))),
         };
         [
-            pair("mean speed", "km/h", 1, |of| of.mean_speed_mps * KMH),
-            pair("distance", "m", 1, |of| of.distance_m),
-            pair("stops", "", 0, |of| of.stops as f64),
-            pair("longest stand", "s", 1, |of| of.longest_stand_s),
-            pair("collisions", "", 0, |of| of.collisions as f64),
+            pair("mean speed", MetresPerSecond, 1, |of| of.mean_speed_mps),
+            pair("distance", Metres, 1, |of| of.distance_m),
+            pair("stops", Count, 0, |of| of.stops as f64),
+            pair("longest stand", Seconds, 1, |of| of.longest_stand_s),
+            pair("collisions", Count, 0, |of| of.collisions as f64),
         ]
         .into_iter()
     }
@@ -274,7 +289,7 @@ mod tests {
         };
         assert_eq!(find("collisions", None).values, [Some(0.0), Some(3.0)]);
         let name = read.vehicles[&1].name.as_str();
-        assert!((find("mean speed", Some(name)).difference().unwrap() - 3.6).abs() < 1e-9);
+        assert!((find("mean speed", Some(name)).difference().unwrap() - 1.0).abs() < 1e-9);
     }
 
     #[test]

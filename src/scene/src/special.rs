@@ -288,3 +288,26 @@ fn dome(mesh: &mut Mesh, foot: Vec3, radius: f32) {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_tower_and_its_spire_hide_what_is_behind_them_nearly_up_to_the_tip() {
+        let ring = [[-8.0, -6.0], [8.0, -6.0], [8.0, 6.0], [-8.0, 6.0]].map(Vec2::from);
+        for name in ["town hall", "chapel"] {
+            let mut mesh = Mesh::default();
+            additions(&mut mesh, name, &ring, 10.0);
+            let tip_m = mesh.vertices.iter().map(|vertex| vertex.position.z).fold(0.0, f32::max);
+            let walls = tower(name, &ring, 10.0);
+            let highest = walls.iter().max_by(|a, b| a.height_m.total_cmp(&b.height_m)).unwrap();
+            assert!(
+                (tip_m - 1.0..=tip_m).contains(&highest.height_m),
+                "{name}: {highest:?}, tip at {tip_m} m"
+            );
+            let foot_m = walls.iter().map(|wall| wall.from.distance(wall.to)).fold(0.0, f32::max);
+            assert!(foot_m > 3.0 && highest.from.distance(highest.to) < 0.2 * foot_m, "narrower towards it");
+        }
+    }
+}

@@ -26,7 +26,7 @@ pub use pair::{CompareError, RunPair, some_names};
 pub use paths::{
     GiveWayKind, GiveWayLine, MergingPoint, PathError, Stream, StreamLayout, StreamMember, crossings, merges,
 };
-pub use quantity::{FigureScale, Quantity, SeriesFigure};
+pub use quantity::{FigureScale, Quantity, SeriesFigure, compared};
 pub use run::{RunError, RunLog, Trace, TraceBuilder, TraceSample};
 pub use series::{AVERAGED_S, differences, moving_average, rms_speed_difference};
 pub use style::distinct_styles;

@@ -1,6 +1,6 @@
 //! Quantities of vehicles over time: one figure for several vehicles.
 
-use super::chart::{ChartLine, Figure, LegendEntry, Panel};
+use super::chart::{ChartLine, Dash, Figure, LegendEntry, LineStyle, PALETTE, Panel};
 use super::run::Trace;
 use super::style::distinct_styles;
 use super::table::{TidyTable, number};
@@ -45,6 +45,8 @@ pub enum FigureScale {
     /// Full scale, with speeds in km/h.
     #[default]
     City,
+    /// Full scale, with speeds in m/s.
+    CityMetresPerSecond,
     /// Of the laboratory, as `city3d plot` draws.
     Laboratory,
 }
@@ -92,9 +94,9 @@ impl Quantity {
 
     /// Unit on the axis, and its factor over SI units of that scale.
     fn unit(self, scale: FigureScale) -> (&'static str, f64) {
-        let is_city = scale == FigureScale::City;
+        let is_city = scale != FigureScale::Laboratory;
         match self {
-            Self::Speed if is_city => ("km/h", 3.6),
+            Self::Speed if scale == FigureScale::City => ("km/h", 3.6),
             Self::Speed => ("m/s", 1.0),
             Self::Acceleration => ("m/s\u{b2}", 1.0),
             Self::LateralError if is_city => ("cm", 100.0),
@@ -279,7 +281,7 @@ impl SeriesFigure<'_> {
         }
         panel.fit(&[self.span_s.0, self.span_s.1], &[0.0]);
         let frame = match scale {
-            FigureScale::City => "Full scale.",
+            FigureScale::City | FigureScale::CityMetresPerSecond => "Full scale.",
             FigureScale::Laboratory => "Laboratory metres.",
         };
         let frame = if quantity.is_length() { frame } else { "" };
@@ -295,6 +297,30 @@ impl SeriesFigure<'_> {
             table,
         }
     }
+}
+
+/// The lines of two runs on one pair of axes: those of the first are solid and called A, those of the second dashed and
+/// called B. The table is left empty.
+pub fn compared(runs: [&SeriesFigure<'_>; 2]) -> Figure {
+    let [mut figure, other] = runs.map(|run| run.draw(false));
+    let solid = LineStyle::solid(PALETTE[0]);
+    let dashed = LineStyle { dash: Dash::Dashed, ..LineStyle::solid(PALETTE[1]) };
+    let lines = |figure: &Figure, stroke: LineStyle| -> Vec<ChartLine> {
+        let all = figure.panels.iter().flat_map(|panel| &panel.lines);
+        all.map(|line| ChartLine { points: line.points.clone(), stroke }).collect()
+    };
+    let names = |figure: &Figure, letter: &str, stroke: LineStyle| -> Vec<LegendEntry> {
+        let name = |entry: &LegendEntry| format!("{letter}  {}", entry.name);
+        figure.legend.iter().map(|entry| LegendEntry { name: name(entry), stroke }).collect()
+    };
+    figure.legend = [names(&figure, "A", solid), names(&other, "B", dashed)].concat();
+    let lines = [lines(&figure, solid), lines(&other, dashed)].concat();
+    let [a, b] = runs.map(|run| run.span_s);
+    if let Some(panel) = figure.panels.first_mut() {
+        panel.lines = lines;
+        panel.fit(&[a.0.min(b.0), a.1.max(b.1)], &[0.0]);
+    }
+    figure
 }
 
 #[cfg(test)]
@@ -371,6 +397,33 @@ mod tests {
         assert_eq!(city.table.columns, ["vehicle", "name", "time_s", "speed_mps"]);
         assert_eq!(city.table.rows[30][3], number(sample.speed_mps, 6));
         assert_eq!(city.legend.len(), traces.len());
+    }
+
+    #[test]
+    fn two_runs_are_on_one_pair_of_axes_that_has_room_for_both() {
+        let (run, traces) = followers();
+        let series = |trace, scale, end_s| SeriesFigure {
+            quantity: Quantity::Speed,
+            scale,
+            length_scale: run.experiment().scale,
+            scenario: "straight",
+            span_s: (0.0, end_s),
+            shown: vec![trace],
+            all: &[],
+        };
+        let scale = FigureScale::CityMetresPerSecond;
+        let figure = compared([&series(&traces[0], scale, 4.0), &series(&traces[1], scale, 7.9)]);
+        let names: Vec<&str> = figure.legend.iter().map(|entry| entry.name.as_str()).collect();
+        assert!(names[0].starts_with("A  1 ") && names[1].starts_with("B  2 "), "{names:?}");
+        let panel = &figure.panels[0];
+        assert_eq!(panel.y_label, "Speed [m/s]");
+        assert_eq!(
+            panel.lines.iter().map(|line| line.stroke.dash).collect::<Vec<_>>(),
+            [Dash::Solid, Dash::Dashed]
+        );
+        assert_ne!(panel.lines[0].stroke.colour, panel.lines[1].stroke.colour);
+        assert!(panel.x.1 >= 7.9, "{:?}", panel.x);
+        assert_eq!(panel.lines[1].points[30].1, traces[1].samples[30].speed_mps);
     }
 
     #[test]

@@ -72,7 +72,7 @@ impl Devices {
             || lacks(ControlFunction::Gas)
             || lacks(ControlFunction::Brake)
         {
-            format!("{} is plugged in: assign its wheel and pedals on the page Gamepad (F2).", plug.name)
+            format!("{} is plugged in: assign its wheel and pedals on the page Gamepad.", plug.name)
         } else {
             format!("{} is plugged in: it drives the vehicle that you take control of.", plug.name)
         };

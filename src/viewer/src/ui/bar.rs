@@ -2,7 +2,10 @@
 
 use super::timeline::TimelineView;
 use super::viewpoint::CameraMode;
-use super::{CityKind, Look, QualityPreset, ScenarioChoice, UiAction, UiState, ViewModel, commands};
+use super::{
+    CityKind, DecimalSeparator, Look, QualityPreset, ScenarioChoice, UiAction, UiState, ViewModel, commands,
+    theme,
+};
 use city3d_session::{Order, RunPhase, Speed};
 use egui::{Button, ComboBox, RichText, Ui};
 use std::path::Path;
@@ -61,7 +64,8 @@ fn replayed(
 }
 
 fn open_button(ui: &mut Ui, state: &mut UiState) {
-    let tip = commands::OPEN.tip("Start page: scenarios, recent files, recorded runs; or a file at once");
+    let tip =
+        commands::OPEN.tip(ui.ctx(), "Start page: scenarios, recent files, recorded runs; or a file at once");
     if ui.button("Open").on_hover_text(tip).clicked() {
         state.runs.start_page.open();
     }
@@ -116,6 +120,7 @@ const SCENARIO: f32 = 80.0;
 
 fn run_controls(ui: &mut Ui, shown: &ViewModel<'_>, actions: &mut Vec<UiAction>) {
     let phase = &shown.run_state.phase;
+    let keys = commands::key_map::of(ui.ctx());
     let can_run = !matches!(phase, RunPhase::Failed(_));
     let mut button = |ui: &mut Ui, text: &str, enabled: bool, tip: &str, order: Order| {
         // Fixed width, so that its neighbours do not move.
@@ -126,17 +131,24 @@ fn run_controls(ui: &mut Ui, shown: &ViewModel<'_>, actions: &mut Vec<UiAction>)
         }
     };
     if *phase == RunPhase::Running {
-        button(ui, "\u{23f8} Pause", true, &commands::START_OR_PAUSE.tip("Pause the run"), Order::Pause);
+        button(
+            ui,
+            "\u{23f8} Pause",
+            true,
+            &keys.tip("Pause the run", &commands::START_OR_PAUSE),
+            Order::Pause,
+        );
     } else if *phase == RunPhase::Over {
-        let tip = format!("Continue beyond the {} s of the scenario, until paused", shown.duration_s);
-        let tip = commands::START_OR_PAUSE.tip(&tip);
+        let duration = theme::decimal(ui.ctx()).plain(shown.duration_s);
+        let tip = format!("Continue beyond the {duration} s of the scenario, until paused");
+        let tip = keys.tip(&tip, &commands::START_OR_PAUSE);
         button(ui, "\u{25b6} Continue", !shown.run_state.has_ended, &tip, Order::Start);
     } else {
-        let tip = commands::START_OR_PAUSE.tip("Start the run");
+        let tip = keys.tip("Start the run", &commands::START_OR_PAUSE);
         button(ui, "\u{25b6} Start", can_run, &tip, Order::Start);
     }
     if shown.city == CityKind::Local {
-        let tip = commands::STEP.tip("One step (usually 10 ms), then pause");
+        let tip = keys.tip("One step (usually 10 ms), then pause", &commands::STEP);
         button(ui, "\u{23ed} Step", can_run, &tip, Order::Step);
     }
     let tip = match shown.city {
@@ -144,25 +156,34 @@ fn run_controls(ui: &mut Ui, shown: &ViewModel<'_>, actions: &mut Vec<UiAction>)
         CityKind::Served => "Back to the start with the same vehicles; a new log begins",
         CityKind::Elsewhere => "Asks the city to go back to its start",
     };
-    button(ui, "\u{27f2} Reset", true, &commands::RESET.tip(tip), Order::Reset);
+    button(ui, "\u{27f2} Reset", true, &keys.tip(tip, &commands::RESET), Order::Reset);
 }
 
 fn speed(ui: &mut Ui, present: Speed, actions: &mut Vec<UiAction>) {
     let mut chosen = present;
+    let decimal = theme::decimal(ui.ctx());
     ComboBox::from_id_salt("speed")
-        .selected_text(if present == Speed::Unlimited { "max".to_owned() } else { speed_label(present) })
+        .selected_text(if present == Speed::Unlimited {
+            "max".to_owned()
+        } else {
+            speed_label(present, decimal)
+        })
         .width(58.0)
         .show_ui(ui, |ui| {
             for factor in SPEEDS {
-                ui.selectable_value(&mut chosen, Speed::Times(factor), speed_label(Speed::Times(factor)));
+                ui.selectable_value(
+                    &mut chosen,
+                    Speed::Times(factor),
+                    speed_label(Speed::Times(factor), decimal),
+                );
             }
-            ui.selectable_value(&mut chosen, Speed::Unlimited, speed_label(Speed::Unlimited));
+            ui.selectable_value(&mut chosen, Speed::Unlimited, speed_label(Speed::Unlimited, decimal));
         })
         .response
         .on_hover_text(format!(
             "Simulated seconds per second ({} and {})",
-            commands::FASTER.key(),
-            commands::SLOWER.key()
+            commands::FASTER.key(ui.ctx()),
+            commands::SLOWER.key(ui.ctx())
         ));
     if chosen != present {
         actions.push(UiAction::Order(Order::Speed(chosen)));
@@ -170,9 +191,9 @@ fn speed(ui: &mut Ui, present: Speed, actions: &mut Vec<UiAction>) {
 }
 
 /// A speed in words.
-pub fn speed_label(speed: Speed) -> String {
+pub fn speed_label(speed: Speed, decimal: DecimalSeparator) -> String {
     match speed {
-        Speed::Times(factor) => format!("{factor}x"),
+        Speed::Times(factor) => format!("{}x", decimal.plain(factor)),
         Speed::Unlimited => "as fast as possible".to_owned(),
     }
 }
@@ -198,18 +219,20 @@ fn clock(ui: &mut Ui, shown: &ViewModel<'_>) {
     let run_state = shown.run_state;
     let (time_s, duration_s) = (run_state.now.time_s, shown.duration_s);
     // Room for runs of hours, so that its neighbours do not move.
-    let text = format!("{time_s:7.2} s");
-    let tip = format!("Simulated time, step {}; the scenario lasts {duration_s} s", run_state.now.tick);
+    let decimal = theme::decimal(ui.ctx());
+    let text = format!("{:>7} s", decimal.fixed(time_s, 2));
+    let lasts = decimal.plain(duration_s);
+    let tip = format!("Simulated time, step {}; the scenario lasts {lasts} s", run_state.now.tick);
     ui.label(RichText::new(text).monospace().strong()).on_hover_text(&tip);
     if shown.city == CityKind::Local {
         // Beyond its end the run has no duration that it is part of.
         let is_beyond = time_s > duration_s + 1e-6;
-        let text = if is_beyond { format!("past {duration_s} s") } else { format!("of {duration_s} s") };
+        let text = if is_beyond { format!("past {lasts} s") } else { format!("of {lasts} s") };
         cell(ui, DURATION, |ui| _ = ui.label(RichText::new(text).small()).on_hover_text(tip));
     }
     let (text, tip) = match &run_state.phase {
         RunPhase::Running => (
-            format!("at {}x", factor(run_state.real_time_factor)),
+            format!("at {}x", decimal.written(factor(run_state.real_time_factor))),
             "Real-time factor: simulated seconds per second, as measured",
         ),
         RunPhase::Over => (
@@ -217,7 +240,7 @@ fn clock(ui: &mut Ui, shown: &ViewModel<'_>) {
             "The scenario's duration is over: Continue goes beyond it, Reset starts again",
         ),
         RunPhase::Failed(reason) => (format!("failed: {reason}"), "Reset starts again"),
-        phase => (phase.label().to_owned(), "Start or Space runs it"),
+        phase => (phase.label().to_owned(), "Start runs it"),
     };
     let mut text = RichText::new(text);
     if matches!(run_state.phase, RunPhase::Over | RunPhase::Failed(_)) {
@@ -264,7 +287,7 @@ fn scenario(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>, actions: &m
 
 fn cameras(ui: &mut Ui, state: &mut UiState) {
     for (mode, command) in CameraMode::ALL.into_iter().zip(commands::CAMERA_MODES) {
-        let tip = command.tip(camera_tip(mode));
+        let tip = command.tip(ui.ctx(), camera_tip(mode));
         let is_on = state.viewpoint.mode == mode;
         if ui.selectable_label(is_on, mode.label()).on_hover_text(tip).clicked() {
             state.set_mode(mode);
@@ -280,7 +303,7 @@ fn panels(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>, actions: &mut
     let has_cameras = open.cameras && !state.previews.is_empty();
     let cameras = ui.selectable_label(has_cameras, "Cameras");
     if cameras
-        .on_hover_text(commands::CAMERAS.tip("What cameras of vehicles see, pedals and plots"))
+        .on_hover_text(commands::CAMERAS.tip(ui.ctx(), "What cameras of vehicles see, pedals and plots"))
         .clicked()
     {
         chosen = Some(&commands::CAMERAS);
@@ -292,13 +315,13 @@ fn panels(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>, actions: &mut
         }
         entries.push(&commands::SETTINGS);
         for command in entries {
-            if ui.add(Button::new(command.name).shortcut_text(command.key())).clicked() {
+            if ui.add(Button::new(command.name).shortcut_text(command.key(ui.ctx()))).clicked() {
                 chosen = Some(command);
             }
         }
     });
     menu.response.on_hover_text("Show and hide panels");
-    ui.toggle_value(&mut state.open.help, "Help").on_hover_text(commands::HELP.tip("All keys"));
+    ui.toggle_value(&mut state.open.help, "Help").on_hover_text(commands::HELP.tip(ui.ctx(), "All keys"));
     if let Some(command) = chosen {
         let now_s = ui.input(|input| input.time);
         let mut timeline = TimelineView::of(shown);

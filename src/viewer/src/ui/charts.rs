@@ -1,13 +1,15 @@
 //! The panel Charts: quantities of several vehicles over time, and the figures of `city3d plot`, while a run goes on.
 
 use super::events::numbered_name;
+use super::theme::{self, DecimalSeparator};
 use super::{UiAction, UiState, ViewModel};
+use city3d_geometry::trig;
 use city3d_logbook::figures::chart::{Colour, Dash, Figure, Panel};
 use city3d_logbook::figures::{FigureScale, Quantity};
 use city3d_protocol::snapshot::VehicleId;
 use city3d_session::playback::PlaybackCommand;
 use egui::{Color32, ComboBox, RichText, Ui};
-use egui_plot::{HLine, Line, LineStyle, Plot, PlotPoints, VLine};
+use egui_plot::{GridMark, HLine, HoverPosition, Line, LineStyle, Plot, PlotPoints, VLine};
 
 /// What a chart shows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -92,7 +94,9 @@ pub struct ChartState {
     pub vehicles: Vec<VehicleId>,
     /// How far back it shows.
     pub span: ChartSpan,
-    /// In which metres.
+    /// In laboratory units, whatever the settings say.
+    pub is_lab: bool,
+    /// In which metres, by that choice and by the settings.
     pub scale: FigureScale,
 }
 
@@ -102,6 +106,7 @@ impl Default for ChartState {
             kind: ChartKind::Series(Quantity::Speed),
             vehicles: Vec::new(),
             span: ChartSpan::default(),
+            is_lab: false,
             scale: FigureScale::default(),
         }
     }
@@ -150,9 +155,15 @@ pub(super) fn show(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>, acti
 
 fn controls(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>, actions: &mut Vec<UiAction>) {
     let charts = &mut state.charts;
-    ComboBox::from_id_salt("chart").selected_text(charts.kind.label()).width(150.0).height(400.0).show_ui(
-        ui,
-        |ui| {
+    charts.scale = match charts.is_lab {
+        true => FigureScale::Laboratory,
+        false => state.preferences.units.figure_scale(),
+    };
+    ComboBox::from_id_salt("chart")
+        .selected_text(charts.kind.label())
+        .width(150.0)
+        .height(400.0)
+        .show_ui(ui, |ui| {
             for quantity in Quantity::ALL {
                 ui.selectable_value(&mut charts.kind, ChartKind::Series(quantity), quantity.label());
             }
@@ -160,19 +171,22 @@ fn controls(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>, actions: &m
             for kind in ChartKind::FIGURES {
                 ui.selectable_value(&mut charts.kind, kind, kind.label());
             }
-        },
-    );
-    ComboBox::from_id_salt("chart span").selected_text(charts.span.label()).width(80.0).show_ui(ui, |ui| {
-        for span in ChartSpan::ALL {
-            ui.selectable_value(&mut charts.span, span, span.label());
-        }
-    });
+        })
+        .response
+        .on_hover_text("What the chart shows");
+    ComboBox::from_id_salt("chart span")
+        .selected_text(charts.span.label())
+        .width(80.0)
+        .show_ui(ui, |ui| {
+            for span in ChartSpan::ALL {
+                ui.selectable_value(&mut charts.span, span, span.label());
+            }
+        })
+        .response
+        .on_hover_text("How far back the chart shows");
     if matches!(charts.kind, ChartKind::Series(_)) {
-        let mut is_lab = charts.scale == FigureScale::Laboratory;
-        let tip = "Laboratory metres, as city3d plot draws; else full scale, as the window does";
-        if ui.checkbox(&mut is_lab, "laboratory units").on_hover_text(tip).changed() {
-            charts.scale = if is_lab { FigureScale::Laboratory } else { FigureScale::City };
-        }
+        let tip = "Laboratory metres, as city3d plot draws; else with the unit of speeds of the settings";
+        ui.checkbox(&mut charts.is_lab, "laboratory units").on_hover_text(tip);
     }
     let save = ui.add_enabled(shown.chart.figure.is_some(), egui::Button::new("Save"));
     if save.on_hover_text("Write the chart as SVG, PNG and CSV into the working folder").clicked() {
@@ -220,15 +234,10 @@ fn draw(
     (figure, shown): (&Figure, &ViewModel<'_>),
     actions: &mut Vec<UiAction>,
 ) {
-    ui.horizontal_wrapped(|ui| {
-        for key in &figure.legend {
-            let colour = on_ground(key.stroke.colour, ui.visuals().dark_mode);
-            let text = format!("{} {}", sample(key.stroke.dash), key.name);
-            ui.label(RichText::new(text).small().color(colour));
-        }
-    });
+    legend(ui, figure);
     if let Some(scale) = &figure.scale {
-        ui.weak(format!("{}: {:.2} dark to {:.2} light", scale.label, scale.from, scale.to));
+        let [from, to] = [scale.from, scale.to].map(|end| state.preferences.decimal.fixed(end, 2));
+        ui.weak(format!("{}: {from} dark to {to} light", scale.label));
     }
     let note_height = 30.0;
     let count = figure.panels.len().max(1) as f32;
@@ -245,6 +254,26 @@ fn draw(
     });
 }
 
+fn legend(ui: &mut Ui, figure: &Figure) {
+    ui.horizontal_wrapped(|ui| {
+        for key in &figure.legend {
+            let colour = on_ground(key.stroke.colour, ui.visuals().dark_mode);
+            let text = format!("{} {}", sample(key.stroke.dash), key.name);
+            ui.label(RichText::new(text).small().color(colour));
+        }
+    });
+}
+
+/// A figure of the logbook that shows no time of the run.
+pub(super) fn draw_over_time(ui: &mut Ui, figure: &Figure) {
+    legend(ui, figure);
+    for (index, panel) in figure.panels.iter().enumerate() {
+        let height = (ui.available_height() - 60.0).max(80.0);
+        plot(ui, (index, panel), height, None);
+    }
+    ui.label(RichText::new(&figure.note).small().weak());
+}
+
 /// One pair of axes; returns the time of a click.
 fn plot(ui: &mut Ui, (index, panel): (usize, &Panel), height: f32, at_s: Option<f64>) -> Option<f64> {
     let is_dark = ui.visuals().dark_mode;
@@ -254,8 +283,13 @@ fn plot(ui: &mut Ui, (index, panel): (usize, &Panel), height: f32, at_s: Option<
     };
     ui.label(RichText::new(label).small());
     let buckets = (ui.available_width() / 2.0).max(50.0) as usize;
+    let decimal = theme::decimal(ui.ctx());
+    let number = move |mark: GridMark, _: &std::ops::RangeInclusive<f64>| tick(mark, decimal);
     let plot = Plot::new(("chart", index))
         .height(height)
+        .x_axis_formatter(number)
+        .y_axis_formatter(number)
+        .label_formatter(hover_words(decimal))
         .default_x_bounds(panel.x.0, panel.x.1)
         .default_y_bounds(panel.y.0, panel.y.1)
         .x_axis_label(panel.x_label.clone())
@@ -313,6 +347,20 @@ fn style_of(dash: Dash) -> LineStyle {
         Dash::Dotted => LineStyle::dotted_dense(),
         Dash::DashDotted => LineStyle::dashed_dense(),
     }
+}
+
+/// What a plot says of the place under the mouse.
+pub(super) fn hover_words(decimal: DecimalSeparator) -> impl Fn(&HoverPosition<'_>) -> Option<String> {
+    move |hovered| {
+        let (HoverPosition::NearDataPoint { position, .. } | HoverPosition::Elsewhere { position }) = hovered;
+        Some(format!("x = {}\ny = {}", decimal.fixed(position.x, 2), decimal.fixed(position.y, 2)))
+    }
+}
+
+/// A number of an axis, with the decimals that its steps have.
+fn tick(mark: GridMark, decimal: DecimalSeparator) -> String {
+    let decimals = (-trig::log10(mark.step_size)).ceil().max(0.0) as usize;
+    decimal.fixed(mark.value + 0.0, decimals)
 }
 
 /// The parts of a line between values that are not numbers.

@@ -1,5 +1,9 @@
 //! The large view of the city: picture, overlays, and mouse control.
 
+use super::commands::{
+    Binding, CONTROLLERS, Command, DRIVING_KEYS, INDICATE_LEFT, INDICATE_RIGHT, KeyMap, RELEASE, RESET,
+    REVERSE, START_OR_PAUSE,
+};
 use super::layers::{self, Canvas};
 use super::vehicle_menu::{MenuSubject, VehicleMenu};
 use super::{
@@ -22,6 +26,7 @@ const SCROLL_STEP: f64 = 40.0;
 pub fn show(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>, actions: &mut Vec<UiAction>) {
     let rect = ui.available_rect_before_wrap().round_to_pixels(ui.ctx().pixels_per_point());
     let response = ui.allocate_rect(rect, Sense::click_and_drag());
+    state.city_pixels = super::pixels(rect.size(), ui.ctx().pixels_per_point());
     let moves_vehicle = shown.edit.is_some() && {
         let unmoved = state.viewpoint.view(shown.interpolated, super::pixels(rect.size(), 1.0));
         let canvas = Canvas::new(ui, &unmoved, rect);
@@ -153,7 +158,7 @@ fn dashboard(ui: &Ui, rect: Rect, state: &UiState, shown: &ViewModel<'_>) {
         city3d_protocol::snapshot::Indicator::Hazard => "\u{25c0} \u{25b6}",
     };
     let (units, scale) = (state.preferences.units, shown.scale());
-    let speed = units.dashboard(vehicle.speed_mps.abs(), scale);
+    let speed = units.dashboard(vehicle.speed_mps.abs(), scale, state.preferences.decimal);
     egui::Area::new(ui.scope_id().with("dashboard"))
         .fixed_pos(rect.center_bottom() + egui::vec2(0.0, -10.0))
         .pivot(Align2::CENTER_BOTTOM)
@@ -163,30 +168,65 @@ fn dashboard(ui: &Ui, rect: Rect, state: &UiState, shown: &ViewModel<'_>) {
                     ui.set_width(320.0_f32.min(rect.width() - 24.0).max(80.0));
                     ui.label(RichText::new(speed).size(30.0).strong());
                     ui.label(format!("{gear}   {arrows}"));
-                    let trouble = trouble(vehicle.status, &shown.run_state.phase, pedals.reverse);
+                    let trouble =
+                        trouble(&state.keys, vehicle.status, &shown.run_state.phase, pedals.reverse);
                     let left = || map::way_back(shown.map, vehicle.position.truncate());
-                    if let Some(trouble) = trouble.map(str::to_owned).or_else(left) {
+                    if let Some(trouble) = trouble.or_else(left) {
                         ui.label(RichText::new(trouble).strong().color(ui.visuals().warn_fg_color));
                     }
-                    if driving.is_by_device() {
-                        ui.small("by gamepad or wheel   F2 its buttons   Enter releases");
-                    } else {
-                        ui.small("W S pedals   A D steer   B handbrake   R reverse gear");
-                        ui.small("Q E indicators   V look back   Enter releases");
+                    for line in driving_keys(&state.keys, driving.is_by_device()) {
+                        ui.small(line);
                     }
                 });
             });
         });
 }
 
+/// The keys of a driver, in the lines of the dashboard.
+fn driving_keys(keys: &KeyMap, is_by_device: bool) -> Vec<String> {
+    let held = &DRIVING_KEYS;
+    let first = |bindings: &[Binding]| {
+        let keys: Vec<String> = bindings.iter().map(|binding| keys.first(binding)).collect();
+        keys.join(" ")
+    };
+    let release = format!("{} releases", first(&[RELEASE.binding()]));
+    if is_by_device {
+        return vec![format!(
+            "by gamepad or wheel   {} its buttons   {release}",
+            first(&[CONTROLLERS.binding()])
+        )];
+    }
+    let pedals = format!(
+        "{} pedals   {} steer   {} handbrake   {} reverse gear",
+        first(&[held.gas, held.brake]),
+        first(&[held.left, held.right]),
+        first(&[held.handbrake]),
+        first(&[REVERSE.binding()])
+    );
+    let signs = format!(
+        "{} indicators   {} look back   {release}",
+        first(&[INDICATE_LEFT.binding(), INDICATE_RIGHT.binding()]),
+        first(&[held.look_back])
+    );
+    vec![pedals, signs]
+}
+
 /// Why the vehicle does not obey its driver.
-fn trouble(status: Status, phase: &RunPhase, reverse: bool) -> Option<&'static str> {
+fn trouble(keys: &KeyMap, status: Status, phase: &RunPhase, reverse: bool) -> Option<String> {
+    let of = |command: &Command| keys.first(&command.binding());
+    let gas = keys.first(&DRIVING_KEYS.gas);
     match (phase, status) {
-        (RunPhase::Over, _) => Some("The run has finished: Space continues, Ctrl+R starts again"),
-        (RunPhase::Running, Status::Collided) if reverse => Some("Collided: W backs off"),
-        (RunPhase::Running, Status::Collided) => Some("Collided: W drives on, R then W backs off"),
+        (RunPhase::Over, _) => Some(format!(
+            "The run has finished: {} continues, {} starts again",
+            of(&START_OR_PAUSE),
+            of(&RESET)
+        )),
+        (RunPhase::Running, Status::Collided) if reverse => Some(format!("Collided: {gas} backs off")),
+        (RunPhase::Running, Status::Collided) => {
+            Some(format!("Collided: {gas} drives on, {} then {gas} backs off", of(&REVERSE)))
+        }
         (RunPhase::Running, _) | (RunPhase::Failed(_), _) => None,
-        _ => Some("Paused: Space starts the run"),
+        _ => Some(format!("Paused: {} starts the run", of(&START_OR_PAUSE))),
     }
 }
 

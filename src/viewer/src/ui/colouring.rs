@@ -1,6 +1,7 @@
 //! Colours of vehicles in labels, on the map and of boxes: by status, speed or waiting time.
 
-use super::{ViewModel, theme};
+use super::{Preferences, ViewModel, theme};
+use city3d_geometry::LengthScale;
 use city3d_protocol::snapshot::VehicleState;
 use egui::{Color32, Context};
 use serde::{Deserialize, Serialize};
@@ -47,10 +48,13 @@ impl ColourBy {
     }
 
     /// Texts at both ends of its scale; none for statuses, which have no order.
-    pub fn ends(self) -> Option<[String; 2]> {
+    pub fn ends(self, preferences: Preferences, scale: LengthScale) -> Option<[String; 2]> {
         match self {
             Self::Status => None,
-            Self::Speed => Some(["0".to_owned(), format!("{FASTEST_KMH:.0} km/h")]),
+            Self::Speed => Some([
+                "0".to_owned(),
+                preferences.units.dashboard(FASTEST_KMH / 3.6, scale, preferences.decimal),
+            ]),
             Self::Waiting => Some(["0".to_owned(), format!("{LONGEST_S:.0} s")]),
         }
     }

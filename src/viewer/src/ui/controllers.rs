@@ -1,6 +1,7 @@
 //! The window of gamepads and steering wheels: mapping and calibration of axes and buttons.
 
-use super::{UiAction, UiState};
+use super::commands::{DRIVING_KEYS, HELP, key_map};
+use super::{UiAction, UiState, theme};
 use crate::cockpit::{ControlFunction, Device, DeviceControl, Devices};
 use egui::{RichText, Sense, Ui, Vec2};
 
@@ -35,7 +36,11 @@ fn finish(ui: &Ui, state: &mut UiState, actions: &mut Vec<UiAction>) {
 }
 
 fn nothing(ui: &mut Ui, devices: &Devices) {
-    ui.label("No gamepad or steering wheel is plugged in. The keyboard drives: W A S D, F1 lists its keys.");
+    let keys = key_map::of(ui.ctx());
+    let held = &DRIVING_KEYS;
+    let drives = [held.gas, held.left, held.brake, held.right].map(|binding| keys.first(&binding)).join(" ");
+    let help = keys.tip("Help lists its keys", &HELP);
+    ui.label(format!("No gamepad or steering wheel is plugged in. The keyboard drives: {drives}. {help}."));
     ui.label(RichText::new("Plug one in at any time; it appears here.").weak());
     if let Some(reason) = devices.missing() {
         ui.label(RichText::new(reason).weak());
@@ -130,7 +135,7 @@ fn adjust(
     let dead = devices.get(number).and_then(|device| device.profile.dead_zone(function));
     if let (true, Some(before)) = (has_way, dead) {
         let mut percent = before * 100.0;
-        let value = egui::DragValue::new(&mut percent).range(0.0..=60.0).fixed_decimals(0).suffix(" %");
+        let value = theme::number_field(&mut percent).range(0.0..=60.0).fixed_decimals(0).suffix(" %");
         if ui.add(value).on_hover_text("Dead zone: share of the travel that has no effect").changed() {
             devices.change(number, |profile| profile.set_dead_zone(function, percent / 100.0));
             changed = true;
@@ -145,8 +150,9 @@ fn adjust(
 fn meter(ui: &mut Ui, device: &Device, function: ControlFunction) {
     let (rect, response) = ui.allocate_exact_size(Vec2::new(90.0, 10.0), Sense::hover());
     let position = device.position(function);
+    let number = theme::decimal(ui.ctx()).fixed(position, 2);
     response.widget_info(|| {
-        let text = format!("{} {position:.2}", function.label());
+        let text = format!("{} {number}", function.label());
         egui::WidgetInfo::labeled(egui::Role::ProgressIndicator, true, text)
     });
     let painter = ui.painter();

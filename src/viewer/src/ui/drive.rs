@@ -1,10 +1,11 @@
 //! Manual driving: sends the pedals from keys, gamepads and steering wheels to a vehicle.
 
+use super::commands::{Binding, DRIVING_KEYS, KeyMap};
 use super::{UiAction, UiState, ViewModel};
 use crate::cockpit::{ControlFunction, DriverInput, HeldKeys, ManualDriver};
 use city3d_protocol::snapshot::{Indicator, Pedals, VehicleId};
 use city3d_session::{Order, RunPhase};
-use egui::{Key, Ui};
+use egui::{InputState, Ui};
 
 /// Manual control of a vehicle by the user.
 #[derive(Clone, Copy, Debug)]
@@ -26,20 +27,8 @@ impl ManualDrive {
         Self { vehicle, driver, by_device: false, told: None, run: shown_run }
     }
 
-    /// Handles a pressed key; `false` for keys that do not drive.
-    pub fn press(&mut self, key: Key) -> bool {
-        match key {
-            Key::R => self.driver.shift(),
-            Key::Q => self.driver.indicate(Indicator::Left),
-            Key::E => self.driver.indicate(Indicator::Right),
-            Key::H => self.driver.indicate(Indicator::Hazard),
-            _ => return false,
-        }
-        true
-    }
-
-    /// Handles a pressed button of a device.
-    fn push(&mut self, function: ControlFunction) {
+    /// Handles a pressed key or button.
+    pub(super) fn push(&mut self, function: ControlFunction) {
         match function {
             ControlFunction::Reverse => self.driver.shift(),
             ControlFunction::IndicateLeft => self.driver.indicate(Indicator::Left),
@@ -92,10 +81,10 @@ pub fn step(ui: &Ui, state: &mut UiState, shown: &ViewModel<'_>, actions: &mut V
     else {
         return;
     };
-    let is_typing = ui.ctx().text_edit_focused() || state.runs.is_modal();
+    let is_typing = ui.ctx().text_edit_focused() || state.runs.is_modal() || state.key_page.is_waiting();
     let dt_s = ui.input(|input| f64::from(input.stable_dt.min(0.1)));
-    let keys = if is_typing { HeldKeys::default() } else { held(ui) };
-    let looks_back = ui.input(|input| input.key_down(Key::V)) && !is_typing;
+    let keys = if is_typing { HeldKeys::default() } else { held(ui, &state.keys) };
+    let looks_back = ui.input(|input| is_held(input, &state.keys, &DRIVING_KEYS.look_back)) && !is_typing;
     state.viewpoint.rear = looks_back || state.devices.is_held(ControlFunction::LookBack);
     driving.by_device = (driving.by_device || state.devices.take_used()) && keys == HeldKeys::default();
     let hands = match state.devices.levers() {
@@ -118,18 +107,22 @@ pub fn step(ui: &Ui, state: &mut UiState, shown: &ViewModel<'_>, actions: &mut V
     ui.ctx().request_repaint();
 }
 
-fn held(ui: &Ui) -> HeldKeys {
+fn held(ui: &Ui, keys: &KeyMap) -> HeldKeys {
     ui.input(|input| {
-        let down = |keys: [Key; 2]| keys.into_iter().any(|key| input.key_down(key));
         if input.modifiers.command {
             return HeldKeys::default();
         }
+        let is = |binding| is_held(input, keys, binding);
         HeldKeys {
-            gas: down([Key::W, Key::ArrowUp]),
-            brake: down([Key::S, Key::ArrowDown]),
-            handbrake: down([Key::B, Key::B]),
-            left: down([Key::A, Key::ArrowLeft]),
-            right: down([Key::D, Key::ArrowRight]),
+            gas: is(&DRIVING_KEYS.gas),
+            brake: is(&DRIVING_KEYS.brake),
+            handbrake: is(&DRIVING_KEYS.handbrake),
+            left: is(&DRIVING_KEYS.left),
+            right: is(&DRIVING_KEYS.right),
         }
     })
+}
+
+fn is_held(input: &InputState, keys: &KeyMap, binding: &Binding) -> bool {
+    keys.keys(binding).iter().any(|key| key.is_down(input))
 }

@@ -1,7 +1,8 @@
 //! Events of a run, recorded or live: filter, list, and the line below a live city.
 
+use super::commands::{GRAVE_EVENT, KeyMap};
 use super::timeline::TimelineView;
-use super::{UiAction, UiState, ViewModel, commands, theme};
+use super::{DecimalSeparator, UiAction, UiState, ViewModel, commands, theme};
 use city3d_protocol::snapshot::{FrameSnapshot, Status, VehicleInfo};
 use city3d_session::playback::{MarkKind, PlaybackCommand, TimelineMark};
 use egui::{Align, Button, Color32, Layout, RichText, Sense, Ui, Vec2};
@@ -120,7 +121,7 @@ pub(super) fn list_button(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_
     let (all, matching) = (shown.events.len(), state.events.count());
     let text = if matching == all { format!("{all} events") } else { format!("{matching} of {all} events") };
     let button = Button::selectable(state.open.events, text).min_size(Vec2::new(84.0, 0.0));
-    if ui.add(button).on_hover_text(commands::EVENTS.tip("The list of events")).clicked() {
+    if ui.add(button).on_hover_text(commands::EVENTS.tip(ui.ctx(), "The list of events")).clicked() {
         state.open.events = !state.open.events;
     }
 }
@@ -140,9 +141,12 @@ pub(super) fn live(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>, acti
         let count = marks.count() + 1;
         let text = format!("{count} {}", if count == 1 { one } else { several });
         let button = ui.button(RichText::new(text).color(colour(ui.ctx(), kind)).strong());
-        let tip = format!("Show the last one: {}", event_words(&shown.run_state.now, &last));
+        let tip = format!(
+            "Show the last one: {}",
+            event_words(&shown.run_state.now, &last, state.preferences.decimal)
+        );
         let tip = if state.events.last_grave(shown.events) == Some(&last) {
-            commands::GRAVE_EVENT.tip(&tip)
+            commands::GRAVE_EVENT.tip(ui.ctx(), &tip)
         } else {
             tip
         };
@@ -152,7 +156,7 @@ pub(super) fn live(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>, acti
     }
     let last = state.events.of(shown.events).next_back().cloned();
     if let Some(last) = last {
-        let text = RichText::new(event_words(&shown.run_state.now, &last)).small();
+        let text = RichText::new(event_words(&shown.run_state.now, &last, state.preferences.decimal)).small();
         let label = egui::Label::new(text).truncate().selectable(false).sense(Sense::click());
         if ui.add(label).on_hover_text("Show where and when it happened").clicked() {
             go_to(&last, state, actions);
@@ -161,19 +165,26 @@ pub(super) fn live(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>, acti
 }
 
 /// What to say of new events: the gravest of those that are reported at once.
-pub fn announcement(snapshot: &FrameSnapshot, marks: &[TimelineMark]) -> Option<String> {
+pub fn announcement(
+    snapshot: &FrameSnapshot,
+    marks: &[TimelineMark],
+    (keys, decimal): (&KeyMap, DecimalSeparator),
+) -> Option<String> {
     let grave = marks.iter().filter(|mark| mark.what.is_grave());
     let first = grave.clone().max_by_key(|mark| mark.what.kind())?;
-    let words = event_words(snapshot, first);
+    let words = event_words(snapshot, first, decimal);
+    let key = keys.first(&GRAVE_EVENT.binding());
+    let shows = |what: &str| if key.is_empty() { String::new() } else { format!(" ({key} shows {what})") };
     Some(match grave.count() {
-        1 => format!("{words} (G shows it)"),
-        count => format!("{words}, and {} more (G shows the last)", count - 1),
+        1 => format!("{words}{}", shows("it")),
+        count => format!("{words}, and {} more{}", count - 1, shows("the last")),
     })
 }
 
 /// An event in words, with its time and vehicle.
-pub fn event_words(snapshot: &FrameSnapshot, mark: &TimelineMark) -> String {
-    format!("{:.2} s: {}, {}", mark.time_s, name(snapshot, mark), mark.what.label())
+pub fn event_words(snapshot: &FrameSnapshot, mark: &TimelineMark, decimal: DecimalSeparator) -> String {
+    let time = decimal.fixed(mark.time_s, 2);
+    format!("{time} s: {}, {}", name(snapshot, mark), mark.what.label())
 }
 
 /// Selects and follows the vehicle of an event; returns the seek.
@@ -243,6 +254,7 @@ fn list(
         builder = builder.scroll_to_row(row, Some(Align::Center));
     }
     state.events.present = present;
+    let decimal = state.preferences.decimal;
     builder
         .header(ROW_HEIGHT, |mut header| {
             for title in ["Time (s)", "Event", "Vehicle"] {
@@ -253,7 +265,7 @@ fn list(
             body.rows(ROW_HEIGHT, marks.len(), |mut line| {
                 let mark = &marks[line.index()];
                 line.set_selected(Some(line.index()) == present);
-                line.col(|ui| _ = ui.monospace(format!("{:.2}", mark.time_s)));
+                line.col(|ui| _ = ui.monospace(decimal.fixed(mark.time_s, 2)));
                 line.col(|ui| {
                     _ = ui.label(RichText::new(mark.what.label()).color(colour(ui.ctx(), mark.what.kind())));
                 });

@@ -1,7 +1,7 @@
 //! The help window: all actions with their keys, the use of the mouse, and all statuses. It can be searched.
 
-use super::commands::{SECTIONS, Section};
-use super::{UiState, ViewModel, status, theme};
+use super::commands::{self, KeyMap, SECTIONS, Section};
+use super::{CityKind, UiState, ViewModel, status, theme};
 use city3d_protocol::snapshot::Status;
 use egui::{RichText, ScrollArea, Ui};
 
@@ -20,7 +20,7 @@ pub fn window(ui: &Ui, state: &mut UiState, shown: &ViewModel<'_>) {
     let sections: Vec<_> = SECTIONS
         .iter()
         .filter(|section| section.is_in(shown))
-        .map(|section| (section.title, rows(section, &words)))
+        .map(|section| (section.title, rows(&state.keys, section, &words)))
         .filter(|(_, rows)| !rows.is_empty())
         .collect();
     let room = ui.ctx().content_rect().shrink2(egui::vec2(12.0, 48.0));
@@ -52,14 +52,47 @@ pub fn window(ui: &Ui, state: &mut UiState, shown: &ViewModel<'_>) {
     }
 }
 
+/// What somebody who is new here needs first, with the keys that do it.
+pub fn reminder(keys: &KeyMap, shown: &ViewModel<'_>) -> String {
+    let of = |command: &commands::Command| keys.first(&command.binding());
+    let with = |key: String, what: &str| (!key.is_empty()).then(|| format!("{key} {what}"));
+    let time = [commands::LEAP_BACK.binding(), commands::LEAP_FORWARD.binding()].map(|key| keys.first(&key));
+    let events =
+        [commands::PREVIOUS_EVENT.binding(), commands::NEXT_EVENT.binding()].map(|key| keys.first(&key));
+    let may_drive = match shown.city {
+        CityKind::Elsewhere => shown.run_state.link.as_ref().is_some_and(|link| link.own_vehicle.is_some()),
+        CityKind::Local | CityKind::Served => true,
+    };
+    let click = || Some("click a car to select".to_owned());
+    let mut parts = if shown.replay.is_some() {
+        vec![
+            with(of(&commands::PLAY_OR_PAUSE), "play/pause"),
+            with(time.join(" "), "5 s"),
+            with(events.join(" "), "event"),
+            click(),
+        ]
+    } else {
+        let of_run = |key, what| with(key, what).filter(|_| may_drive);
+        vec![
+            of_run(of(&commands::START_OR_PAUSE), "start/pause"),
+            click(),
+            with(of(&commands::FOLLOW), "follow"),
+            with(of(&commands::PREVIEW), "camera"),
+            of_run(of(&commands::TAKE_CONTROL), "drive"),
+        ]
+    };
+    parts.extend([with(of(&commands::PALETTE), "all actions"), with(of(&commands::HELP), "help")]);
+    parts.into_iter().flatten().collect::<Vec<_>>().join("   ")
+}
+
 type Row = (String, String);
 
 /// Keys and actions of a section that have all words; an action without a key is only found by words.
-fn rows(section: &Section, words: &[String]) -> Vec<Row> {
-    let commands = section.commands.iter().filter(|command| !command.keys.is_empty() || !words.is_empty());
-    let commands = commands.map(|command| (command.all_keys(), command.name.to_owned()));
+fn rows(keys: &KeyMap, section: &Section, words: &[String]) -> Vec<Row> {
+    let bindings = section.bindings().map(|binding| (keys.words(&binding), binding.name.to_owned()));
+    let bindings = bindings.filter(|(key, _)| !key.is_empty() || !words.is_empty());
     let gestures = section.gestures.iter().map(|(how, what)| ((*how).to_owned(), (*what).to_owned()));
-    commands.chain(gestures).filter(|(key, what)| has_words(&format!("{key} {what}"), words)).collect()
+    bindings.chain(gestures).filter(|(key, what)| has_words(&format!("{key} {what}"), words)).collect()
 }
 
 fn has_words(text: &str, words: &[String]) -> bool {

@@ -1,8 +1,10 @@
 //! The inspector: why the selected vehicle does what it does. Lane, leader, gap and headway come from poses, and so from
 //! every source; reasons are told by the control framework, here, elsewhere or in a log.
 
-use super::vehicles::tenths;
-use super::{UiAction, UiState, ViewModel, status, theme};
+use super::commands::{PREVIEW, TAKE_CONTROL, key_map};
+use super::theme::{self, DecimalSeparator, SpeedUnit};
+use super::{UiAction, UiState, ViewModel, status};
+use city3d_geometry::LengthScale;
 use city3d_protocol::snapshot::{ControlDecision, DecisionReason, VehicleId, VehicleInfo, VehicleState};
 use city3d_simulation::measures::{LeaderAhead, TrafficPlace};
 use egui::{Color32, Grid, RichText, Ui};
@@ -28,7 +30,7 @@ pub fn show(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>, actions: &m
     let mut link = None;
     Grid::new("inspector").num_columns(2).spacing([10.0, 4.0]).striped(true).show(ui, |ui| {
         why(ui, shown, decision, &mut link);
-        motion(ui, vehicle, decision);
+        motion(ui, (state.preferences.units, shown.scale()), vehicle, decision);
         traffic(ui, shown, place.as_ref(), &mut link);
         trajectory(ui, shown, vehicle, decision);
         let delay_s = insight.and_then(|insight| insight.command_delays_s.get(&vehicle.id));
@@ -45,11 +47,12 @@ pub fn show(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>, actions: &m
         if ui.add_enabled(!follows, egui::Button::new("Follow")).clicked() {
             state.selection.follow = Some(vehicle.id);
         }
-        if ui.button("Camera").on_hover_text("Open or close its preview (P)").clicked() {
+        if ui.button("Camera").on_hover_text(PREVIEW.tip(ui.ctx(), "Open or close its preview")).clicked() {
             state.toggle_preview(vehicle.id);
         }
         if shown.replay.is_none() && shown.may_drive(vehicle.id) && state.driven() != Some(vehicle.id) {
-            let button = ui.button("Take control").on_hover_text("Drive it with the keyboard (Enter)");
+            let tip = TAKE_CONTROL.tip(ui.ctx(), "Drive it with the keyboard");
+            let button = ui.button("Take control").on_hover_text(tip);
             if button.clicked() {
                 actions.push(UiAction::Drive(vehicle.id));
             }
@@ -65,7 +68,7 @@ fn heading(ui: &mut Ui, shown: &ViewModel<'_>, (vehicle, info): (&VehicleState, 
         ui.label(
             RichText::new(status::label(vehicle.status)).color(theme::on_panel(ui.ctx(), vehicle.status)),
         )
-        .on_hover_ui(|ui| _ = ui.label(status::reason(vehicle, info, shown.map)));
+        .on_hover_ui(|ui| _ = ui.label(status::reason(&key_map::of(ui.ctx()), vehicle, info, shown.map)));
     });
 }
 
@@ -133,16 +136,21 @@ pub fn reason_words(shown: &ViewModel<'_>, decision: &ControlDecision) -> String
     away_m.map_or(what.clone(), |m| format!("{what} ({m:.0} m)"))
 }
 
-fn motion(ui: &mut Ui, vehicle: &VehicleState, decision: Option<&ControlDecision>) {
-    let target = decision.map_or_else(
-        || format!("target {NOT_TOLD}"),
-        |decision| format!("target {} km/h", tenths(decision.target_mps * 3.6)),
-    );
-    let speed = format!("{} km/h, {target}", tenths(vehicle.speed_mps * 3.6));
-    row(ui, "Speed", &speed, "Along its heading, and what road and driver allow here");
-    let planned =
-        decision.map_or_else(String::new, |decision| format!(", planned {:+.2}", decision.acceleration_mps2));
-    let acceleration = format!("{:+.2} m/s\u{b2}{planned}", vehicle.acceleration_mps2);
+fn motion(
+    ui: &mut Ui,
+    (units, scale): (SpeedUnit, LengthScale),
+    vehicle: &VehicleState,
+    decision: Option<&ControlDecision>,
+) {
+    let decimal = theme::decimal(ui.ctx());
+    let speed = |speed_mps: f64| format!("{} {}", units.number(speed_mps, scale, decimal), units.label());
+    let target = decision.map_or_else(|| NOT_TOLD.to_owned(), |decision| speed(decision.target_mps));
+    let speeds = format!("{}, target {target}", speed(vehicle.speed_mps));
+    row(ui, "Speed", &speeds, "Along its heading, and what road and driver allow here");
+    let planned = decision.map_or_else(String::new, |decision| {
+        format!(", planned {}", decimal.signed(decision.acceleration_mps2, 2))
+    });
+    let acceleration = format!("{} m/s\u{b2}{planned}", decimal.signed(vehicle.acceleration_mps2, 2));
     row(ui, "Acceleration", &acceleration, "Along its heading");
 }
 
@@ -152,7 +160,9 @@ fn traffic(ui: &mut Ui, shown: &ViewModel<'_>, place: Option<&TrafficPlace>, lin
         return;
     };
     let lane = shown.map.lane(place.axle.lane);
-    let text = format!("{}, {} of {} m", lane.name, tenths(place.axle.at_m), tenths(lane.curve.length()));
+    let decimal = theme::decimal(ui.ctx());
+    let [at, length] = [place.axle.at_m, lane.curve.length()].map(|metres| decimal.tenths(metres));
+    let text = format!("{}, {at} of {length} m", lane.name);
     row(ui, "Lane", &text, "Under its front axle");
     let Some(leader) = &place.leader else {
         row(ui, "Leader", "none within 60 m", "The nearest vehicle ahead on its way");
@@ -162,15 +172,16 @@ fn traffic(ui: &mut Ui, shown: &ViewModel<'_>, place: Option<&TrafficPlace>, lin
     let text = format!("{} {name}", leader.vehicle);
     let tip = "The nearest vehicle ahead on its way";
     row_with_vehicle(ui, ("Leader", &text, tip), leader.vehicle, link);
-    row(ui, "Gap", &gap_words(leader), "From bumper to bumper; time headway: gap over its speed");
+    row(ui, "Gap", &gap_words(leader, decimal), "From bumper to bumper; time headway: gap over its speed");
 }
 
 /// Gap, headway and time to collision in words.
-fn gap_words(leader: &LeaderAhead) -> String {
-    let headway = leader.headway_s().map_or_else(String::new, |s| format!(", headway {s:.1} s"));
+fn gap_words(leader: &LeaderAhead, decimal: DecimalSeparator) -> String {
+    let seconds = |what: &str, s: f64| format!(", {what} {} s", decimal.fixed(s, 1));
+    let headway = leader.headway_s().map_or_else(String::new, |s| seconds("headway", s));
     let ttc_s = leader.following.ttc_s().filter(|s| *s < 20.0);
-    let ttc = ttc_s.map_or_else(String::new, |s| format!(", collision in {s:.1} s"));
-    format!("{} m{headway}{ttc}", tenths(leader.following.gap_m))
+    let ttc = ttc_s.map_or_else(String::new, |s| seconds("collision in", s));
+    format!("{} m{headway}{ttc}", decimal.tenths(leader.following.gap_m))
 }
 
 fn trajectory(
@@ -179,22 +190,23 @@ fn trajectory(
     vehicle: &VehicleState,
     decision: Option<&ControlDecision>,
 ) {
+    let decimal = theme::decimal(ui.ctx());
     let lateral = match vehicle.tracked_lateral_error_m() {
         _ if !shown.has_control_data => NOT_TOLD.to_owned(),
         None => "no path, a person drives".to_owned(),
-        Some(error_m) => format!("{:+.1} cm", error_m * 100.0),
+        Some(error_m) => format!("{} cm", decimal.signed(error_m * 100.0, 1)),
     };
     row(ui, "Lateral error", &lateral, "Front axle from the desired path, left-positive");
     let ahead = decision.map_or_else(
         || NOT_TOLD.to_owned(),
-        |decision| format!("{:+.1} cm", decision.longitudinal_error_m * 100.0),
+        |decision| format!("{} cm", decimal.signed(decision.longitudinal_error_m * 100.0, 1)),
     );
     row(ui, "Longitudinal error", &ahead, "How far its plan is ahead of its estimated place");
     let noise = decision.and_then(|decision| decision.measured).map_or_else(
         || NOT_TOLD.to_owned(),
         |measured| {
             let off_m = measured.position.distance(vehicle.position.truncate());
-            format!("{:.1} cm from the true pose", off_m * 100.0)
+            format!("{} cm from the true pose", decimal.fixed(off_m * 100.0, 1))
         },
     );
     row(ui, "Measured pose", &noise, "Its last measurement, which lags and has noise");

@@ -1,6 +1,7 @@
 //! Layers of the city view: their switches, and what is written over the city, such as labels.
 
 use super::colouring::ColourBy;
+use super::commands::{LABELS, MAP};
 use super::{CameraMode, UiState, ViewModel, events, occlusion, overlay, plans, status, theme};
 use city3d_protocol::snapshot::{Status, VehicleInfo, VehicleState};
 use city3d_sensors::View;
@@ -79,6 +80,8 @@ const LABEL_GAP: f32 = 5.0;
 
 /// Shows the switches of the layers.
 pub fn show(ui: &mut Ui, state: &mut UiState) {
+    let map = MAP.tip(ui.ctx(), "Map");
+    let labels = LABELS.tip(ui.ctx(), "Labels over vehicles");
     let layers = &mut state.layers;
     ui.horizontal_top(|ui| {
         ui.vertical(|ui| {
@@ -90,14 +93,14 @@ pub fn show(ui: &mut Ui, state: &mut UiState) {
             ui.checkbox(&mut layers.all_routes, "Routes of all vehicles");
             ui.add_space(6.0);
             ui.strong("View");
-            ui.checkbox(&mut layers.map, "Map (M)");
+            ui.checkbox(&mut layers.map, map);
             ui.checkbox(&mut layers.legend, "Legend");
             ui.checkbox(&mut layers.rulers, "Scale, north, place under the mouse");
         });
         ui.separator();
         ui.vertical(|ui| {
             ui.strong("Vehicles");
-            ui.checkbox(&mut layers.labels, "Labels over vehicles (L)");
+            ui.checkbox(&mut layers.labels, labels);
             ui.checkbox(&mut layers.boxes, "Boxes");
             ui.checkbox(&mut layers.tracks, "Driven paths");
             ui.checkbox(&mut layers.path, "Way ahead");
@@ -229,8 +232,9 @@ fn gaps(canvas: &Canvas<'_>, state: &UiState, shown: &ViewModel<'_>) {
         let Some((front, leader)) = overlay::bumper_gap(shown, vehicle.id) else { continue };
         let headway_s = leader.headway_s();
         let is_close = headway_s.is_some_and(|headway_s| headway_s < overlay::CLOSE_S);
-        let headway = headway_s.map_or_else(String::new, |s| format!(", {s:.1} s"));
-        let text = format!("{:.1} m{headway}", leader.following.gap_m);
+        let decimal = theme::decimal(canvas.painter.ctx());
+        let headway = headway_s.map_or_else(String::new, |s| format!(", {} s", decimal.fixed(s, 1)));
+        let text = format!("{} m{headway}", decimal.fixed(leader.following.gap_m, 1));
         let middle = overlay::above((front + leader.rear) / 2.0);
         if let Some(place) = canvas.place(middle).filter(|_| !canvas.is_hidden(middle, shown)) {
             let colour = if is_close { overlay::CLOSE_GAP } else { overlay::GAP };

@@ -1,6 +1,6 @@
 //! The legend in the city view: what the colours of the visible layers mean.
 
-use super::colouring::{ColourBy, scale};
+use super::colouring::scale;
 use super::{UiState, ViewModel, control_zones, overlay, status};
 use city3d_protocol::snapshot::Status;
 use egui::{Align2, Color32, FontId, Rect, Shape, Stroke, Ui, Vec2};
@@ -42,6 +42,8 @@ fn lines(state: &UiState, shown: &ViewModel<'_>) -> Vec<LegendLine> {
         add(layers.routes || layers.all_routes, colour, &format!("route of vehicle {id}"));
     }
     add(layers.all_routes, Color32::from_gray(150), "routes of the others, in their colours");
+    let many = format!("more than {} routes: the wider, the more", overlay::ROUTES_APART);
+    add(layers.all_routes, overlay::MANY_ROUTES, &many);
     add(layers.tracks, overlay::DRIVEN, "driven path, the last 20 s");
     add(layers.path, overlay::PLANNED, "way ahead, a dot every second");
     add(layers.gaps, overlay::GAP, "gap to the vehicle ahead");
@@ -54,7 +56,7 @@ fn lines(state: &UiState, shown: &ViewModel<'_>) -> Vec<LegendLine> {
             lines.push(LegendLine::new(control_zones::zone_colour(zone), text));
         }
     }
-    lines.extend(colours(layers.colour, layers.boxes || !lines.is_empty()));
+    lines.extend(colours(state, shown, layers.boxes || !lines.is_empty()));
     lines
 }
 
@@ -66,8 +68,9 @@ fn measured_words(shown: &ViewModel<'_>) -> &'static str {
 }
 
 /// What the colours of vehicles mean.
-fn colours(by: ColourBy, wants_statuses: bool) -> Vec<LegendLine> {
-    let Some([least, most]) = by.ends() else {
+fn colours(state: &UiState, shown: &ViewModel<'_>, wants_statuses: bool) -> Vec<LegendLine> {
+    let by = state.layers.colour;
+    let Some([least, most]) = by.ends(state.preferences, shown.scale()) else {
         let told = [Status::Driving, Status::Yielding, Status::Stopped, Status::Manual, Status::Collided];
         let line = |status: Status| LegendLine {
             mark: LegendMark::Sign(status),

@@ -2,6 +2,7 @@
 
 use super::layers::Canvas;
 use super::overlay;
+use super::theme::{self, DecimalSeparator};
 use city3d_render::Overlay;
 use egui::{Color32, Rect};
 use glam::DVec2;
@@ -66,21 +67,25 @@ impl Measure {
         if !self.is_on {
             return;
         }
+        let decimal = theme::decimal(canvas.painter().ctx());
         let mut taken: Vec<Rect> = Vec::new();
         for pair in self.line().windows(2) {
             if let Some(place) = canvas.place(overlay::above((pair[0] + pair[1]) / 2.0)) {
-                canvas.text(place, &metres(pair[0].distance(pair[1])), COLOUR, &mut taken);
+                canvas.text(place, &metres(pair[0].distance(pair[1]), decimal), COLOUR, &mut taken);
             }
         }
         let text = match self.points.len() {
             0 => "Measure: click the first point. Esc ends".to_owned(),
-            _ => format!("Measure: {} in all. Click the next point, Esc ends", metres(self.length_m())),
+            _ => format!(
+                "Measure: {} in all. Click the next point, Esc ends",
+                metres(self.length_m(), decimal)
+            ),
         };
         canvas.hint(text);
     }
 }
 
 /// A length in words.
-pub(super) fn metres(length_m: f64) -> String {
-    if length_m < 100.0 { format!("{length_m:.1} m") } else { format!("{length_m:.0} m") }
+pub(super) fn metres(length_m: f64, decimal: DecimalSeparator) -> String {
+    format!("{} m", decimal.fixed(length_m, usize::from(length_m < 100.0)))
 }

@@ -5,7 +5,7 @@ mod bar;
 mod charts;
 mod city;
 mod colouring;
-mod commands;
+pub(crate) mod commands;
 mod control_zones;
 mod controllers;
 mod drive;
@@ -14,6 +14,7 @@ mod events;
 mod gaze;
 mod help;
 mod inspector;
+mod key_page;
 mod keys;
 mod layers;
 mod layout;
@@ -46,11 +47,14 @@ mod views;
 
 pub use charts::{ChartKind, ChartSpan, ChartState, ChartView};
 pub use colouring::ColourBy;
-pub use commands::{Command, SECTIONS, Section, Shortcut};
+pub use commands::{
+    Availability, Binding, Command, KeyMap, KeyUse, SECTIONS, Scope, Section, Shortcut, bindings,
+};
 pub use control_zones::{ControlZoneArea, ZoneStretch};
 pub use drive::ManualDrive;
 pub use editing::{EditAction, EditState, EditTool, EditView};
 pub use events::{EventFilter, announcement, event_words};
+pub use key_page::KeyPage;
 pub use layers::Layers;
 pub use layout::{Layout, StoredLayout};
 pub use live_traffic::LiveTraffic;
@@ -59,13 +63,14 @@ pub use palette::Palette;
 pub use panels::Panel;
 pub use preview::{KEPT_S, Preview, PreviewCamera, ScenarioCamera};
 pub use run_until::RunUntilState;
+pub use settings::SettingsPage;
 pub use status::is_off_lanes;
-pub use theme::{Preferences, SpeedUnit, StatusColours, Theme, ground};
+pub use theme::{DecimalSeparator, Preferences, SpeedUnit, StatusColours, Theme, ground};
 pub use timeline::{ShownTime, TimelineRange, TimelineView};
 pub use tracks::{TrackPoint, Tracks};
 pub use vehicle_menu::{MenuSubject, VehicleMenu};
 pub use vehicles::TableState;
-pub use video::{VideoKind, VideoStatus};
+pub use video::{VideoKind, VideoRequest, VideoStatus, VideoSubject};
 pub use view_model::{
     CityKind, DriverNames, PastView, PictureRequest, PictureSlot, ReplayView, ScenarioChoice, ViewModel,
 };
@@ -78,6 +83,7 @@ use city3d_render::Overlay;
 use city3d_session::Order;
 use city3d_session::playback::PlaybackCommand;
 use serde::{Deserialize, Serialize};
+use std::sync::Arc;
 
 /// An action of the user that the panels do not carry out themselves.
 #[derive(Clone, Debug, PartialEq)]
@@ -110,8 +116,8 @@ pub enum UiAction {
     Screenshot,
     /// The chart, saved into the working folder.
     SaveChart,
-    /// A video of the window begins, or the one that is being recorded ends.
-    Video(VideoKind),
+    /// A video begins, or the one that is being recorded ends.
+    Video(VideoRequest),
     /// A change of the edited scenario.
     Edit(EditAction),
     /// The window closes.
@@ -243,6 +249,12 @@ pub struct UiState {
     pub layout: Layout,
     /// Theme, status colours, size and units.
     pub preferences: Preferences,
+    /// Which key runs which action.
+    pub keys: Arc<KeyMap>,
+    /// Which page the settings show.
+    pub settings_page: SettingsPage,
+    /// What is being assigned on the page of keys.
+    pub key_page: KeyPage,
     /// The command palette.
     pub palette: Palette,
     /// Words that the help is searched for.
@@ -261,6 +273,10 @@ pub struct UiState {
     pub run_until: RunUntilState,
     /// Simulated seconds between two pictures of a time-lapse.
     pub lapse_s: f64,
+    /// What videos show.
+    pub video_subject: VideoSubject,
+    /// Size of the large view, pixels of the screen.
+    pub city_pixels: [u32; 2],
     /// The playhead is being dragged.
     pub is_scrubbing: bool,
     /// Gamepads and steering wheels.
@@ -300,6 +316,9 @@ impl UiState {
             open: OpenPanels::default(),
             layout: Layout::default(),
             preferences: Preferences::default(),
+            keys: Arc::default(),
+            settings_page: SettingsPage::default(),
+            key_page: KeyPage::default(),
             palette: Palette::default(),
             help_words: String::new(),
             had_focus: false,
@@ -309,6 +328,8 @@ impl UiState {
             charts: ChartState::default(),
             run_until: RunUntilState::default(),
             lapse_s: 1.0,
+            video_subject: VideoSubject::default(),
+            city_pixels: [1, 1],
             is_scrubbing: false,
             devices: Devices::default(),
             runs: runs::RunPanels::default(),
@@ -329,6 +350,8 @@ impl UiState {
         let mut next = Self::new(snapshot, self.look);
         next.table = std::mem::take(&mut self.table);
         (next.layers, next.preferences) = (self.layers, self.preferences);
+        (next.video_subject, next.lapse_s) = (self.video_subject, self.lapse_s);
+        (next.keys, next.settings_page) = (Arc::clone(&self.keys), self.settings_page);
         next.devices = std::mem::take(&mut self.devices);
         next.bookmarks = std::mem::take(&mut self.bookmarks);
         (next.layout, next.open) = (std::mem::take(&mut self.layout), self.open);
@@ -432,6 +455,7 @@ impl UiState {
 pub fn show(ui: &mut egui::Ui, state: &mut UiState, shown: &ViewModel<'_>) -> Vec<UiAction> {
     let mut actions = Vec::new();
     theme::apply(ui.ctx(), state.preferences);
+    commands::key_map::apply(ui.ctx(), &state.keys);
     state.pictures.clear();
     state.update(shown);
     state.open_first_preview(&shown.run_state.now);
@@ -440,6 +464,7 @@ pub fn show(ui: &mut egui::Ui, state: &mut UiState, shown: &ViewModel<'_>) -> Ve
         state.events.filter.clear();
     }
     state.events.update(shown.events);
+    key_page::capture(ui, state);
     palette::show(ui, state, shown, &mut actions);
     keys::act(ui, state, shown, &mut actions);
     let dt_s = f64::from(ui.input(|input| input.stable_dt.min(0.1)));
@@ -485,23 +510,15 @@ fn sheet(ui: &egui::Ui, title: &'static str) -> egui::Window<'static> {
         .collapsible(false)
 }
 
+/// A menu that stays open while one types into its fields; a choice closes it.
+fn menu_with_fields() -> egui::containers::menu::MenuConfig {
+    let stays = egui::PopupCloseBehavior::CloseOnClickOutside;
+    egui::containers::menu::MenuConfig::new().close_behavior(stays)
+}
+
 fn footer(ui: &mut egui::Ui, shown: &ViewModel<'_>) {
     ui.horizontal(|ui| {
-        let has_own = shown.run_state.link.as_ref().is_some_and(|link| link.own_vehicle.is_some());
-        ui.small(match shown.city {
-            _ if shown.replay.is_some() => {
-                "Space play/pause   Left Right 5 s   [ ] event   click a car to select   Ctrl+P all actions   F1 help"
-            }
-            CityKind::Local => {
-                "Space start/pause   click a car to select   F follow   P camera   Enter drive   Ctrl+P all actions   F1 help"
-            }
-            CityKind::Elsewhere if !has_own => {
-                "click a car to select   F follow   P camera   Ctrl+P all actions   F1 help"
-            }
-            CityKind::Served | CityKind::Elsewhere => {
-                "Space start/pause   click a car to select   F follow   P camera   Enter drive   Ctrl+P all actions   F1 help"
-            }
-        });
+        ui.small(help::reminder(&commands::key_map::of(ui.ctx()), shown));
         ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
             if shown.frames_per_s > 0.0 {
                 // Fixed width, so that its neighbours do not move.

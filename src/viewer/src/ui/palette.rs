@@ -2,9 +2,9 @@
 
 mod entries;
 
-use super::commands::{Availability, CommandContext};
+use super::commands::{self, Availability, CommandContext, key_map};
 use super::timeline::TimelineView;
-use super::{UiAction, UiState, ViewModel};
+use super::{UiAction, UiState, ViewModel, keys};
 use egui::{Align2, FontId, Key, Modal, Modifiers, RichText, ScrollArea, Sense, Ui, Vec2};
 use entries::{Entry, matching};
 
@@ -36,8 +36,7 @@ pub fn show(ui: &Ui, state: &mut UiState, shown: &ViewModel<'_>, actions: &mut V
     let down = |key: Key| ui.input_mut(|input| input.count_and_consume_key(Modifiers::NONE, key));
     let (ups, downs) = (down(Key::ArrowUp), down(Key::ArrowDown));
     let mut is_run = down(Key::Enter) > 0;
-    let mut is_closed =
-        down(Key::Escape) > 0 || ui.input_mut(|input| input.consume_key(Modifiers::COMMAND, Key::P));
+    let mut is_closed = down(Key::Escape) > 0 || keys::consume(ui, &state.keys, &commands::PALETTE);
     let mut found = Vec::new();
     let modal = Modal::new(egui::Id::unique("palette")).show(ui.ctx(), |ui| {
         ui.set_width(WIDTH.min(ui.ctx().content_rect().width() - 40.0).max(0.0));
@@ -105,7 +104,7 @@ fn row(ui: &mut Ui, entry: &Entry, is_chosen: bool) -> egui::Response {
     let key = FontId::monospace(12.0);
     ui.painter().text(inside.right_center(), Align2::RIGHT_CENTER, &entry.key, key, colour);
     match entry.availability {
-        Availability::After(what) => response.on_hover_text(what),
+        Availability::After(hint) => response.on_hover_text(hint.words(&key_map::of(ui.ctx()))),
         _ => response,
     }
 }

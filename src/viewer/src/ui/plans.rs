@@ -3,7 +3,7 @@
 use super::control_zones::zone_colour;
 use super::layers::Canvas;
 use super::overlay::{self, body_colour};
-use super::{UiState, ViewModel, theme};
+use super::{DecimalSeparator, UiState, ViewModel, theme};
 use city3d_protocol::snapshot::VehicleId;
 use city3d_render::Overlay;
 use city3d_session::{CoordinationState, NoPlan, PlannedPassage, PlannedPlace};
@@ -56,10 +56,11 @@ pub(super) fn add(to: &mut Overlay, state: &UiState, shown: &ViewModel<'_>) {
 /// Writes the times of entry, and numbers the seconds of the selected vehicle.
 pub(super) fn paint(canvas: &Canvas<'_>, state: &UiState, shown: &ViewModel<'_>) {
     let now_s = shown.run_state.now.time_s;
+    let decimal = theme::decimal(canvas.painter().ctx());
     let planned = planned(shown);
     let mut taken: Vec<Rect> = Vec::new();
     for (id, plan) in planned.iter().filter(|(_, plan)| plan.enters_s > now_s) {
-        let text = format!("{id} in {:.1} s", plan.enters_s - now_s);
+        let text = format!("{id} in {} s", decimal.fixed(plan.enters_s - now_s, 1));
         entry(canvas, plan, (body_colour(shown, *id), &text), &mut taken);
     }
     if let Some((_, plan)) = planned.iter().find(|(id, _)| Some(*id) == state.selection.vehicle) {
@@ -98,7 +99,11 @@ fn entry(canvas: &Canvas<'_>, plan: &PlannedPassage, (colour, text): (Color32, &
 }
 
 /// The plan of a vehicle in words, and what they mean; `None` where the scenario has no control zones.
-pub(super) fn words(shown: &ViewModel<'_>, id: VehicleId) -> Option<(String, &'static str)> {
+pub(super) fn words(
+    shown: &ViewModel<'_>,
+    id: VehicleId,
+    decimal: DecimalSeparator,
+) -> Option<(String, &'static str)> {
     if shown.control_zones.is_empty() {
         return None;
     }
@@ -117,14 +122,14 @@ pub(super) fn words(shown: &ViewModel<'_>, id: VehicleId) -> Option<(String, &'s
     let (words, tip) = match &vehicle.plan {
         Ok(plan) if plan.enters_s > now_s => (
             format!(
-                "enters junction in {:.1} s, leaves in {:.1} s",
-                plan.enters_s - now_s,
-                plan.leaves_s - now_s
+                "enters junction in {} s, leaves in {} s",
+                decimal.fixed(plan.enters_s - now_s, 1),
+                decimal.fixed(plan.leaves_s - now_s, 1)
             ),
             "Front bumper at the first conflict, rear bumper behind the last one",
         ),
         Ok(plan) => (
-            format!("in the junction, leaves in {:.1} s", (plan.leaves_s - now_s).max(0.0)),
+            format!("in the junction, leaves in {} s", decimal.fixed((plan.leaves_s - now_s).max(0.0), 1)),
             "Rear bumper behind the last conflict",
         ),
         Err(why) => (format!("none, {}", why_not(*why)), "It drives by the rules of the road"),
@@ -185,8 +190,10 @@ pub(super) fn queue(ui: &mut Ui, shown: &ViewModel<'_>) {
         ui.label(RichText::new(text).small().weak());
         return;
     };
+    let decimal = theme::decimal(ui.ctx());
     for (zone, area) in shown.control_zones.iter().enumerate() {
-        let text = RichText::new(format!("{}: {}", area.name, order(coordination, zone, shown))).small();
+        let text =
+            RichText::new(format!("{}: {}", area.name, order(coordination, zone, (shown, decimal)))).small();
         ui.label(text).on_hover_text("By the time at which the front bumper enters the first conflict");
     }
 }
@@ -207,7 +214,11 @@ fn numbers(coordination: &CoordinationState, zone: usize) -> [String; 7] {
 }
 
 /// Who enters the conflicts of a zone next, and in how many seconds; then those without plans.
-fn order(coordination: &CoordinationState, zone: usize, shown: &ViewModel<'_>) -> String {
+fn order(
+    coordination: &CoordinationState,
+    zone: usize,
+    (shown, decimal): (&ViewModel<'_>, DecimalSeparator),
+) -> String {
     let now_s = shown.run_state.now.time_s;
     let enters_s = |plan: &Result<PlannedPassage, NoPlan>| match plan {
         Ok(plan) => plan.enters_s,
@@ -223,7 +234,7 @@ fn order(coordination: &CoordinationState, zone: usize, shown: &ViewModel<'_>) -
         let info = shown.run_state.now.info(vehicle.id);
         let name = info.map_or_else(|| vehicle.id.to_string(), |info| info.name.clone());
         let when = match &vehicle.plan {
-            Ok(_) if *enters_s > now_s => format!("in {:.1} s", enters_s - now_s),
+            Ok(_) if *enters_s > now_s => format!("in {} s", decimal.fixed(enters_s - now_s, 1)),
             Ok(_) => "in the junction".to_owned(),
             Err(why) => format!("({})", why_not(*why)),
         };

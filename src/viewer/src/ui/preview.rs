@@ -1,7 +1,6 @@
 //! The preview panels: camera picture, pedals and running plots of one vehicle.
 
 use super::theme::SpeedUnit;
-use super::vehicles::tenths;
 use super::{PictureRequest, PictureSlot, UiAction, UiState, ViewModel, commands, plans, status, theme};
 use city3d_geometry::{LengthScale, trig};
 use city3d_protocol::snapshot::{FrameSnapshot, Status, VehicleId, VehicleState};
@@ -164,7 +163,8 @@ pub fn open_first(state: &mut UiState, shown: &ViewModel<'_>) {
 pub fn show_all(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>, actions: &mut Vec<UiAction>) {
     let selected = state.selection.vehicle.filter(|id| !state.previews.iter().any(|p| p.vehicle == *id));
     let add = ui.add_enabled(selected.is_some(), egui::Button::new("+ Selected vehicle"));
-    let add = add.on_hover_text(commands::PREVIEW.tip("Camera, pedals and plots of the selected vehicle"));
+    let add = add
+        .on_hover_text(commands::PREVIEW.tip(ui.ctx(), "Camera, pedals and plots of the selected vehicle"));
     let add =
         add.on_disabled_hover_text("Select another vehicle first: click it in the city or in the table");
     if let (true, Some(vehicle)) = (add.clicked(), selected) {
@@ -208,7 +208,9 @@ fn show(
         ui.label(RichText::new(format!("{} {}", vehicle.id, info.name)).strong());
         let colour = theme::on_panel(ui.ctx(), vehicle.status);
         let text = RichText::new(status::label(vehicle.status)).color(colour);
-        ui.label(text).on_hover_ui(|ui| _ = ui.label(status::reason(vehicle, info, shown.map)));
+        ui.label(text).on_hover_ui(|ui| {
+            _ = ui.label(status::reason(&commands::key_map::of(ui.ctx()), vehicle, info, shown.map))
+        });
         ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
             is_kept = !ui.small_button("x").on_hover_text("Close this preview").clicked();
         });
@@ -244,7 +246,7 @@ fn show(
         speed(ui, vehicle, (state.preferences.units, shown.scale()));
     });
     pedals(ui, vehicle, shown.has_control_data);
-    if let Some((words, tip)) = plans::words(shown, preview.vehicle) {
+    if let Some((words, tip)) = plans::words(shown, preview.vehicle, state.preferences.decimal) {
         ui.add(egui::Label::new(RichText::new(words).small()).truncate()).on_hover_text(tip);
     }
     plots(ui, (shown, state.preferences.units), vehicle, layout);
@@ -258,14 +260,17 @@ fn drive_button(
     actions: &mut Vec<UiAction>,
 ) {
     if state.driven() == Some(vehicle) {
-        if ui.button("Release").on_hover_text(commands::TAKE_CONTROL.tip("Back to its controller")).clicked()
+        if ui
+            .button("Release")
+            .on_hover_text(commands::TAKE_CONTROL.tip(ui.ctx(), "Back to its controller"))
+            .clicked()
         {
             actions.push(UiAction::GiveBack);
         }
     } else if shown.may_drive(vehicle)
         && ui
             .button("Drive")
-            .on_hover_text(commands::TAKE_CONTROL.tip("Take control of this vehicle"))
+            .on_hover_text(commands::TAKE_CONTROL.tip(ui.ctx(), "Take control of this vehicle"))
             .clicked()
     {
         actions.push(UiAction::Drive(vehicle));
@@ -295,7 +300,8 @@ const SPEED_WIDTH: f32 = 100.0;
 
 fn speed(ui: &mut Ui, vehicle: &VehicleState, (units, scale): (SpeedUnit, LengthScale)) {
     let gear = if vehicle.reverse { "  R" } else { "" };
-    let text = format!("{} {}{gear}", units.number(vehicle.speed_mps, scale), units.label());
+    let number = units.number(vehicle.speed_mps, scale, theme::decimal(ui.ctx()));
+    let text = format!("{number} {}{gear}", units.label());
     let label = egui::Label::new(RichText::new(text).monospace().strong()).extend();
     // Of one width, so that the row never breaks and nothing below moves.
     let size = Vec2::new(SPEED_WIDTH, ui.spacing().interact_size.y);
@@ -328,7 +334,8 @@ const BAR_HEIGHT: f32 = 14.0;
 const STEERING_END_DEG: f64 = 45.0;
 
 fn bar(ui: &mut Ui, name: &str, value: f64, colour: Color32) {
-    gauge(ui, name, &format!("{value:.2}"), |painter, rect| {
+    let number = theme::decimal(ui.ctx()).fixed(value, 2);
+    gauge(ui, name, &number, |painter, rect| {
         let width = rect.width() * value.clamp(0.0, 1.0) as f32;
         painter.rect_filled(
             egui::Rect::from_min_size(rect.min, Vec2::new(width, rect.height())),
@@ -340,7 +347,7 @@ fn bar(ui: &mut Ui, name: &str, value: f64, colour: Color32) {
 
 /// Left is left.
 fn steering(ui: &mut Ui, angle_deg: f64) {
-    let number = tenths(angle_deg);
+    let number = theme::decimal(ui.ctx()).tenths(angle_deg);
     let sign = if number.starts_with('-') { "" } else { "+" };
     gauge(ui, "Steering", &format!("{sign}{number}\u{b0}"), |painter, rect| {
         let share = (-angle_deg / STEERING_END_DEG).clamp(-1.0, 1.0) as f32;
@@ -428,7 +435,8 @@ fn plot(
     (low, high): (f64, f64),
     colour: Color32,
 ) {
-    let last = points.last().map_or_else(String::new, |[_, value]| format!(" {}", tenths(*value)));
+    let decimal = theme::decimal(ui.ctx());
+    let last = points.last().map_or_else(String::new, |[_, value]| format!(" {}", decimal.tenths(*value)));
     ui.label(RichText::new(format!("{name}:{last}")).small())
         .on_hover_text(format!("The last {KEPT_S:.0} simulated seconds"));
     let text = FontId::monospace(9.0);
@@ -442,7 +450,8 @@ fn plot(
         ago if ago > -0.5 => "0 s".to_owned(),
         ago => format!("{ago:.0}"),
     });
-    let value = axis(AxisHints::new_y()).min_thickness(26.0).formatter(|mark, _| format!("{}", mark.value));
+    let value =
+        axis(AxisHints::new_y()).min_thickness(26.0).formatter(move |mark, _| decimal.plain(mark.value));
     Plot::new(name)
         .height(height)
         .include_x(-KEPT_S)
@@ -454,6 +463,7 @@ fn plot(
         .allow_scroll(false)
         .custom_x_axes(vec![time])
         .custom_y_axes(vec![value])
+        .label_formatter(super::charts::hover_words(decimal))
         .x_grid_spacer(|_| marks((-KEPT_S, 0.0), KEPT_S / 2.0))
         .y_grid_spacer(|grid| marks(grid.bounds, round_step(grid.bounds.1 - grid.bounds.0)))
         .show(ui, |plot| plot.line(Line::new(name, PlotPoints::from(points)).color(colour)));

@@ -1,6 +1,7 @@
 //! Scale bar, north arrow, and the place under the mouse: coordinates and the lane.
 
 use super::layers::Canvas;
+use super::theme::{self, DecimalSeparator};
 use super::{UiState, ViewModel, map};
 use egui::{Align2, Color32, FontId, Pos2, Rect, Stroke, Vec2};
 use glam::{DVec2, DVec3};
@@ -24,18 +25,18 @@ pub fn paint(canvas: &Canvas<'_>, state: &UiState, shown: &ViewModel<'_>, pointe
     }
     north(canvas, corner - Vec2::new(16.0, 46.0));
     if let Some(ground) = pointed.and_then(|at| canvas.ground_at(at)) {
-        let text = place_words(shown, ground);
+        let text = place_words(shown, ground, theme::decimal(canvas.painter().ctx()));
         let left = rect.left_bottom() + Vec2::new(MARGIN, -MARGIN);
         label(canvas, (left, Align2::LEFT_BOTTOM), text);
     }
 }
 
 /// A point of the ground in words: coordinates, and the lane there.
-pub fn place_words(shown: &ViewModel<'_>, ground: DVec2) -> String {
-    let [x, y] = [ground.x, ground.y].map(super::vehicles::tenths);
+pub fn place_words(shown: &ViewModel<'_>, ground: DVec2, decimal: DecimalSeparator) -> String {
+    let [x, y] = [ground.x, ground.y].map(|metres| decimal.tenths(metres));
     let lane = shown.traffic.lanes().lane_under(shown.map, ground);
     let lane = lane.map_or_else(String::new, |(lane, at_m)| {
-        format!("   lane {}, {} m", shown.map.lane(lane).name, super::vehicles::tenths(at_m))
+        format!("   lane {}, {} m", shown.map.lane(lane).name, decimal.tenths(at_m))
     });
     format!("x {x} m   y {y} m{lane}")
 }
@@ -75,7 +76,8 @@ fn scale_bar(canvas: &Canvas<'_>, corner: Pos2, (length_m, points): (f64, f32)) 
     for end in [left, right] {
         painter.line_segment([end, end - Vec2::new(0.0, 5.0)], stroke);
     }
-    let text = if length_m < 1.0 { format!("{length_m:.1} m") } else { format!("{length_m:.0} m") };
+    let decimal = theme::decimal(painter.ctx());
+    let text = format!("{} m", decimal.fixed(length_m, usize::from(length_m < 1.0)));
     let middle = left.lerp(right, 0.5) - Vec2::new(0.0, 6.0);
     painter.text(middle, Align2::CENTER_BOTTOM, text, FontId::proportional(11.0), COLOUR);
 }

@@ -1,9 +1,11 @@
 //! Letting a run go on up to a goal: a number of steps, a time, or an event.
 
+use super::theme::{self, DecimalSeparator};
 use super::{CityKind, UiAction, UiState, ViewModel};
 use city3d_session::playback::MarkKind;
 use city3d_session::{Order, RunGoal, RunPhase};
-use egui::{DragValue, Ui};
+use egui::Ui;
+use egui::containers::menu::MenuButton;
 
 /// What the user has entered.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -45,9 +47,9 @@ const EVENTS: [(&str, Option<MarkKind>); 7] = [
 ];
 
 /// A goal in words.
-fn words(goal: RunGoal) -> String {
+fn words(goal: RunGoal, decimal: DecimalSeparator) -> String {
     match goal {
-        RunGoal::Time(time_s) => format!("{time_s:.2} s"),
+        RunGoal::Time(time_s) => format!("{} s", decimal.fixed(time_s, 2)),
         RunGoal::Event(kind) => {
             let found = EVENTS.iter().find(|(_, event)| *event == kind);
             format!("the next {}", found.map_or("event", |(words, _)| words))
@@ -61,17 +63,17 @@ pub(super) fn button(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>, ac
         return;
     }
     let text = match shown.run_state.goal {
-        Some(goal) => format!("\u{23ed} Until {}", words(goal)),
+        Some(goal) => format!("\u{23ed} Until {}", words(goal, theme::decimal(ui.ctx()))),
         None => "\u{23ed} Until ...".to_owned(),
     };
-    let menu = ui.menu_button(text, |ui| {
+    let (menu, _) = MenuButton::new(text).config(super::menu_with_fields()).ui(ui, |ui| {
         let goal = menu(ui, state, shown);
         if let Some(goal) = goal {
             actions.push(UiAction::Order(Order::RunUntil(goal)));
             ui.close();
         }
     });
-    menu.response.on_hover_text(
+    menu.on_hover_text(
         "Let the run go on for some steps, up to a time, or up to an event, and pause it there",
     );
 }
@@ -84,7 +86,7 @@ fn menu(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>) -> Option<RunGo
     if shown.city == CityKind::Local {
         ui.horizontal(|ui| {
             let is_chosen = ui.button("Step").on_hover_text("That many steps of the simulation").clicked();
-            let steps = DragValue::new(&mut state.run_until.steps).range(1..=100_000);
+            let steps = theme::number_field(&mut state.run_until.steps).range(1..=100_000);
             ui.add(steps.suffix(" steps"));
             if is_chosen {
                 goal = Some(after_steps(shown, state.run_until.steps));
@@ -94,7 +96,7 @@ fn menu(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>) -> Option<RunGo
     ui.horizontal(|ui| {
         let is_chosen = ui.button("Run until").on_hover_text("Simulated time").clicked();
         state.run_until.time_s = state.run_until.time_s.max(now_s.ceil());
-        ui.add(DragValue::new(&mut state.run_until.time_s).range(now_s..=1e6).speed(0.5).suffix(" s"));
+        ui.add(theme::number_field(&mut state.run_until.time_s).range(now_s..=1e6).speed(0.5).suffix(" s"));
         if is_chosen {
             goal = Some(RunGoal::Time(state.run_until.time_s));
         }

@@ -1,31 +1,56 @@
-//! The page of settings: theme, status colours, size of the interface, units, and the layout.
+//! The settings: a page of theme, status colours, size of the interface, units and the layout, and a page of keys.
 
-use super::theme::{SCALES, SpeedUnit, StatusColours, Theme};
-use super::{UiState, commands, status};
+use super::theme::{DecimalSeparator, SCALES, SpeedUnit, StatusColours, Theme};
+use super::{UiState, commands, key_page, status};
 use city3d_protocol::snapshot::Status;
 use egui::{ComboBox, Grid, RichText, Ui};
 
-/// Shows the page while it is open. Each choice holds at once and is kept.
+/// The pages of the settings.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum SettingsPage {
+    /// Theme, colours, size and units.
+    #[default]
+    General,
+    /// All actions with their keys.
+    Keys,
+}
+
+/// Shows the settings while they are open. Each choice holds at once and is kept.
 pub fn window(ui: &Ui, state: &mut UiState) {
     let mut is_open = state.open.settings;
+    if !is_open {
+        state.key_page.rest();
+    }
     super::sheet(ui, "Settings").open(&mut is_open).show(ui.ctx(), |ui| {
-        Grid::new("settings").num_columns(2).spacing([18.0, 8.0]).show(ui, |ui| choices(ui, state));
-        ui.separator();
         ui.horizontal(|ui| {
-            if ui
-                .button("Restore the layout")
-                .on_hover_text("All panels back in their usual places")
-                .clicked()
-            {
-                state.restore_layout();
-            }
-            let keys =
-                ui.button("Keys and statuses").on_hover_text(commands::HELP.tip("The list of all keys"));
-            state.open.help |= keys.clicked();
+            ui.selectable_value(&mut state.settings_page, SettingsPage::General, "General");
+            ui.selectable_value(&mut state.settings_page, SettingsPage::Keys, "Keys");
         });
+        ui.separator();
+        match state.settings_page {
+            SettingsPage::General => {
+                state.key_page.rest();
+                general(ui, state);
+            }
+            SettingsPage::Keys => key_page::show(ui, state),
+        }
         ui.label(RichText::new("Settings are kept in view.toml for the next window.").small().weak());
     });
     state.open.settings = is_open;
+}
+
+fn general(ui: &mut Ui, state: &mut UiState) {
+    Grid::new("settings").num_columns(2).spacing([18.0, 8.0]).show(ui, |ui| choices(ui, state));
+    ui.separator();
+    ui.horizontal(|ui| {
+        if ui.button("Restore the layout").on_hover_text("All panels back in their usual places").clicked() {
+            state.restore_layout();
+        }
+        let keys = ui
+            .button("Keys and statuses")
+            .on_hover_text(commands::HELP.tip(ui.ctx(), "The list of all keys"));
+        state.open.help |= keys.clicked();
+    });
 }
 
 fn choices(ui: &mut Ui, state: &mut UiState) {
@@ -51,6 +76,7 @@ fn choices(ui: &mut Ui, state: &mut UiState) {
     });
     ui.end_row();
     ui.label("Size of the interface");
+    let keys = [&commands::LARGER, &commands::SMALLER].map(|command| command.key(ui.ctx())).join(" and ");
     ComboBox::from_id_salt("scale")
         .selected_text(percent(preferences.scale))
         .show_ui(ui, |ui| {
@@ -59,7 +85,7 @@ fn choices(ui: &mut Ui, state: &mut UiState) {
             }
         })
         .response
-        .on_hover_text(format!("{} and {}", commands::LARGER.key(), commands::SMALLER.key()));
+        .on_hover_text(keys);
     ui.end_row();
     ui.label("Speeds in");
     let label =
@@ -70,6 +96,16 @@ fn choices(ui: &mut Ui, state: &mut UiState) {
         }
     });
     units.response.on_hover_text("Unit of all speeds");
+    ui.end_row();
+    ui.label("Numbers");
+    ui.horizontal(|ui| {
+        for (decimal, example, tip) in [
+            (DecimalSeparator::Point, "12.5", "With a decimal point"),
+            (DecimalSeparator::Comma, "12,5", "With a decimal comma"),
+        ] {
+            ui.selectable_value(&mut preferences.decimal, decimal, example).on_hover_text(tip);
+        }
+    });
     ui.end_row();
 }
 

@@ -1,5 +1,6 @@
 //! Words, signs and explanations of vehicle statuses.
 
+use super::commands::{KeyMap, TAKE_CONTROL};
 use super::theme;
 use city3d_geometry::wrap_angle;
 use city3d_protocol::snapshot::{Status, VehicleInfo, VehicleState};
@@ -101,16 +102,19 @@ pub fn is_off_lanes(vehicle: &VehicleState, info: &VehicleInfo, map: &CityMap) -
 }
 
 /// Explanation of a vehicle's status, with the reason where it is known.
-pub fn reason(vehicle: &VehicleState, info: &VehicleInfo, map: &CityMap) -> &'static str {
-    match vehicle.status {
+pub fn reason(keys: &KeyMap, vehicle: &VehicleState, info: &VehicleInfo, map: &CityMap) -> String {
+    let reason = match vehicle.status {
         Status::Stopped if is_off_lanes(vehicle, info, map) => {
-            "Off the lanes, its algorithm has no route: drive it back onto a lane (Enter)"
+            let what = "Off the lanes, its algorithm has no route: drive it back onto a lane";
+            return keys.tip(what, &TAKE_CONTROL);
         }
+        Status::Collided => return keys.tip(meaning(Status::Collided), &TAKE_CONTROL),
         Status::Driving | Status::Yielding | Status::Stopped | Status::Finished if info.is_physical() => {
             meaning(Status::Physical)
         }
         status => meaning(status),
-    }
+    };
+    reason.to_owned()
 }
 
 /// Explanation of a status for tooltips.
@@ -123,7 +127,7 @@ pub fn meaning(status: Status) -> &'static str {
         Status::Manual => "A person drives",
         Status::LinkLost => "No command for longer than the link timeout: it brakes to a stop on its path",
         Status::Collided => {
-            "Has hit something and stays. Take control (Enter; R reverses) to drive it off, or reset the run (Ctrl+R)"
+            "Has hit something and stays. Reset the run, or take control of it and drive it off"
         }
         Status::Finished => "At the end of its route",
         Status::Physical => "A vehicle of the laboratory, drawn as it is measured",

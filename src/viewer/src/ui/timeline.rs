@@ -3,7 +3,7 @@
 mod track;
 
 use super::events::{self, go_to, update};
-use super::{CityKind, UiAction, UiState, ViewModel, commands, run_until, video};
+use super::{CityKind, UiAction, UiState, ViewModel, commands, run_until, theme, video};
 use city3d_geometry::trig;
 use city3d_session::RunPhase;
 use city3d_session::playback::{PlaybackCommand, Playhead, SPEEDS, TimelineMark};
@@ -221,14 +221,16 @@ pub(super) fn past_sign(ui: &Ui, rect: Rect, shown: &ViewModel<'_>, actions: &mu
         .show(ui.ctx(), |ui| {
             egui::Frame::popup(ui.style()).stroke(Stroke::new(1.0, amber)).show(ui, |ui| {
                 ui.horizontal(|ui| {
-                    let past = format!("Past: {:.1} s", head.at_s);
+                    let decimal = theme::decimal(ui.ctx());
+                    let past = format!("Past: {} s", decimal.fixed(head.at_s, 1));
                     ui.label(RichText::new(past).strong().color(amber));
                     let drives = match shown.run_state.phase {
                         RunPhase::Running => "the city drives on at",
                         _ => "the city is at",
                     };
-                    ui.label(format!("{drives} {:.1} s", head.to_s));
-                    if ui.button("Live").on_hover_text("Back to the present (End)").clicked() {
+                    ui.label(format!("{drives} {} s", decimal.fixed(head.to_s, 1)));
+                    let tip = commands::TO_END.tip(ui.ctx(), "Back to the present");
+                    if ui.button("Live").on_hover_text(tip).clicked() {
                         actions.push(UiAction::PlaybackCommand(PlaybackCommand::Live));
                     }
                 });
@@ -238,6 +240,7 @@ pub(super) fn past_sign(ui: &Ui, rect: Rect, shown: &ViewModel<'_>, actions: &mu
 
 fn transport(ui: &mut Ui, replay: &TimelineView<'_>, is_narrow: bool, actions: &mut Vec<UiAction>) {
     let head = &replay.head;
+    let keys = commands::key_map::of(ui.ctx());
     let is_played = replay.is_played();
     let mut button = |text: &str, is_on: bool, tip: &str, command: PlaybackCommand| {
         // Play and Pause have the same width.
@@ -254,14 +257,14 @@ fn transport(ui: &mut Ui, replay: &TimelineView<'_>, is_narrow: bool, actions: &
         }
     };
     let of = PlaybackCommand::Seek;
-    button("\u{23ee}", false, &commands::TO_START.tip("To the start"), of(head.from_s));
+    button("\u{23ee}", false, &keys.tip("To the start", &commands::TO_START), of(head.from_s));
     let back = PlaybackCommand::Step { forward: false };
-    button("\u{23f4} Step", false, &commands::STEP_BACK.tip("One recorded step back"), back);
+    button("\u{23f4} Step", false, &keys.tip("One recorded step back", &commands::STEP_BACK), back);
     let is_reversing = is_played && head.is_playing && head.is_reverse;
     let command = if is_reversing { PlaybackCommand::Pause } else { PlaybackCommand::Reverse };
-    button("\u{25c0} Backward", is_reversing, &commands::PLAY_BACKWARD.tip("Play backward"), command);
+    button("\u{25c0} Backward", is_reversing, &keys.tip("Play backward", &commands::PLAY_BACKWARD), command);
     let is_recorded = replay.shown == ShownTime::Recorded;
-    let play = |what: &str| commands::PLAY_OR_PAUSE.tip(what);
+    let play = |what: &str| keys.tip(what, &commands::PLAY_OR_PAUSE);
     if is_played && head.is_playing {
         button("\u{23f8} Pause", false, &play("Pause the playback"), PlaybackCommand::Pause);
     } else if is_recorded {
@@ -270,12 +273,12 @@ fn transport(ui: &mut Ui, replay: &TimelineView<'_>, is_narrow: bool, actions: &
         button("\u{25b6} Play", false, &play("Play the past, up to the present"), PlaybackCommand::Play);
     }
     let on = PlaybackCommand::Step { forward: true };
-    button("Step \u{23f5}", false, &commands::STEP_FORWARD.tip("One recorded step forward"), on);
+    button("Step \u{23f5}", false, &keys.tip("One recorded step forward", &commands::STEP_FORWARD), on);
     if is_recorded {
-        button("\u{23ed}", false, &commands::TO_END.tip("To the end"), of(head.to_s));
+        button("\u{23ed}", false, &keys.tip("To the end", &commands::TO_END), of(head.to_s));
     } else {
         let tip = if is_played { "Back to the present" } else { "The present of the run is shown" };
-        button("\u{23e9} Live", !is_played, &commands::TO_END.tip(tip), PlaybackCommand::Live);
+        button("\u{23e9} Live", !is_played, &keys.tip(tip, &commands::TO_END), PlaybackCommand::Live);
     }
 }
 
@@ -285,8 +288,10 @@ fn event_buttons(
     (shown, replay): (&ViewModel<'_>, &TimelineView<'_>),
     actions: &mut Vec<UiAction>,
 ) {
-    let [previous, next] =
-        [commands::PREVIOUS_EVENT.tip("The previous event"), commands::NEXT_EVENT.tip("The next event")];
+    let [previous, next] = [
+        commands::PREVIOUS_EVENT.tip(ui.ctx(), "The previous event"),
+        commands::NEXT_EVENT.tip(ui.ctx(), "The next event"),
+    ];
     for (forward, text, tip) in [(false, "\u{23f4} Event", previous), (true, "Event \u{23f5}", next)] {
         let mark = neighbour(replay, state, forward).cloned();
         let button = ui.add_enabled(mark.is_some(), Button::new(text));
@@ -301,18 +306,23 @@ fn event_buttons(
 fn speed(ui: &mut Ui, replay: &TimelineView<'_>, actions: &mut Vec<UiAction>) {
     let head = &replay.head;
     let mut chosen = head.speed;
+    let decimal = theme::decimal(ui.ctx());
+    let keys = [&commands::REPLAY_FASTER, &commands::REPLAY_SLOWER].map(|command| command.key(ui.ctx()));
     let sign = if head.is_playing && head.is_reverse { "\u{2212}" } else { "" };
     ComboBox::from_id_salt("replay speed")
-        .selected_text(format!("{sign}{}x", head.speed))
+        .selected_text(format!("{sign}{}x", decimal.plain(head.speed)))
         .width(56.0)
         .height(300.0)
         .show_ui(ui, |ui| {
             for speed in SPEEDS {
-                ui.selectable_value(&mut chosen, speed, format!("{speed}x"));
+                ui.selectable_value(&mut chosen, speed, format!("{}x", decimal.plain(speed)));
             }
         })
         .response
-        .on_hover_text("Recorded seconds per second, forwards and backwards (+ and -)");
+        .on_hover_text(format!(
+            "Recorded seconds per second, forwards and backwards ({})",
+            keys.join(" and ")
+        ));
     if chosen != head.speed {
         actions.push(UiAction::PlaybackCommand(PlaybackCommand::Speed(chosen)));
     }
@@ -321,10 +331,11 @@ fn speed(ui: &mut Ui, replay: &TimelineView<'_>, actions: &mut Vec<UiAction>) {
 fn clock(ui: &mut Ui, shown: &ViewModel<'_>, replay: &TimelineView<'_>) {
     let head = &replay.head;
     // Fixed width, so that its neighbours do not move.
-    let end = format!("{:.2}", head.to_s);
-    let text = format!("{:>width$.2} / {end} s", head.at_s, width = end.len());
+    let decimal = theme::decimal(ui.ctx());
+    let [at, end] = [head.at_s, head.to_s].map(|time_s| decimal.fixed(time_s, 2));
+    let text = format!("{at:>width$} / {end} s", width = end.len());
     if replay.shown != ShownTime::Recorded {
-        let text = format!("{:>7.2} / {:>7.2} s", head.at_s, head.to_s);
+        let text = format!("{at:>7} / {end:>7} s");
         let tip = "Simulated time that is shown, and the present of the run";
         ui.label(RichText::new(text).monospace().strong()).on_hover_text(tip);
         return;

@@ -62,6 +62,7 @@ fn flow(ui: &mut Ui, traffic: &LiveTraffic) {
         totals: measures.zone_totals(&zone.name).unwrap_or_default(),
         queue: &zone_traffic.queue,
     });
+    let decimal = theme::decimal(ui.ctx());
     Grid::new("flow").striped(true).spacing([8.0, 3.0]).show(ui, |ui| {
         for (title, tip) in COLUMNS {
             ui.label(RichText::new(title).small().strong()).on_hover_text(tip);
@@ -69,7 +70,7 @@ fn flow(ui: &mut Ui, traffic: &LiveTraffic) {
         ui.end_row();
         for row in std::iter::once(city).chain(zones) {
             let totals = &row.totals;
-            let seconds = |value: Option<f64>| value.map_or_else(|| "-".to_owned(), |s| format!("{s:.1}"));
+            let seconds = |value: Option<f64>| value.map_or_else(|| "-".to_owned(), |s| decimal.fixed(s, 1));
             let flow = totals.throughput_per_h.map_or_else(|| "-".to_owned(), |flow| format!("{flow:.0}"));
             let name = RichText::new(row.name);
             let on_ground = |colour| theme::on_ground(ui.ctx(), colour);
@@ -82,14 +83,15 @@ fn flow(ui: &mut Ui, traffic: &LiveTraffic) {
                 seconds(totals.mean_delay_s),
                 seconds(totals.max_delay_s),
                 totals.stops.to_string(),
-                format!("{} ({:.1}, {})", row.queue.now, row.queue.mean(), row.queue.max),
+                format!("{} ({}, {})", row.queue.now, decimal.fixed(row.queue.mean(), 1), row.queue.max),
             ] {
                 ui.monospace(cell);
             }
             ui.end_row();
         }
     });
-    ui.label(RichText::new(format!("Measured since {:.1} s.", traffic.since_s())).small().weak());
+    let since = decimal.fixed(traffic.since_s(), 1);
+    ui.label(RichText::new(format!("Measured since {since} s.")).small().weak());
 }
 
 const COLUMNS: [(&str, &str); 8] = [
@@ -108,8 +110,10 @@ fn safety_and_energy(ui: &mut Ui, traffic: &LiveTraffic) {
     let measures = traffic.measures();
     let (safety, effort) = (measures.safety(), measures.effort());
     let scale = measures.scale();
+    let decimal = theme::decimal(ui.ctx());
+    let of = |value: f64, unit: &str| format!("{} {unit}", decimal.fixed(value, 1));
     let text = |value: Option<f64>, unit: &str| match value {
-        Some(value) => format!("{value:.1} {unit}"),
+        Some(value) => of(value, unit),
         None => "-".to_owned(),
     };
     let drac = Some(scale.city_from_lab(safety.max_drac_mps2)).filter(|drac| drac.is_finite());
@@ -131,15 +135,15 @@ fn safety_and_energy(ui: &mut Ui, traffic: &LiveTraffic) {
              where both were inside",
         ),
         ("Braking needed", text(drac, "m/s2"), "Deceleration that avoids a crash with the vehicle ahead"),
-        ("Fuel", format!("{:.1} mL", effort.fuel_ml), "Polynomial of Kamal et al., no fuel while braking"),
+        ("Fuel", of(effort.fuel_ml, "mL"), "Polynomial of Kamal et al., no fuel while braking"),
         (
             "Fuel, cruise term",
-            format!("{:.1} mL", effort.fuel_with_cruise_ml),
+            of(effort.fuel_with_cruise_ml, "mL"),
             "The same, keeping the term of the speed while braking",
         ),
         (
             "Squared acceleration",
-            format!("{:.1} m2/s3", effort.int_u2_m2ps3),
+            of(effort.int_u2_m2ps3, "m2/s3"),
             "Integral over time of all vehicles; half of it is the cost of optimal control",
         ),
         (
@@ -188,7 +192,9 @@ fn diagram(ui: &mut Ui, state: &UiState, shown: &ViewModel<'_>) {
         ago if ago > -0.5 => "0 s".to_owned(),
         ago => format!("{ago:.0}"),
     });
-    let value = axis(AxisHints::new_y()).min_thickness(26.0).formatter(|mark, _| format!("{}", mark.value));
+    let decimal = theme::decimal(ui.ctx());
+    let value =
+        axis(AxisHints::new_y()).min_thickness(26.0).formatter(move |mark, _| decimal.plain(mark.value));
     // The list scrolls, so that its own room has no end.
     let height = (ui.clip_rect().bottom() - ui.cursor().top()).clamp(160.0, 400.0);
     let plot = Plot::new("time-space")

@@ -1,7 +1,7 @@
 //! The menu of a vehicle, opened with the right button in the city, on the map and in the table; of a place without a
 //! vehicle, what can be done there.
 
-use super::{UiAction, UiState, ViewModel, rulers};
+use super::{UiAction, UiState, ViewModel, rulers, theme};
 use city3d_protocol::snapshot::VehicleId;
 use egui::{Id, Popup, PopupCloseBehavior, Ui};
 use glam::DVec2;
@@ -100,7 +100,7 @@ fn pose_text(pose: city3d_geometry::Pose2) -> String {
 }
 
 fn of_place(ui: &mut Ui, at: DVec2, state: &mut UiState, shown: &ViewModel<'_>) {
-    ui.strong(rulers::place_words(shown, at));
+    ui.strong(rulers::place_words(shown, at, theme::decimal(ui.ctx())));
     ui.separator();
     if ui.button("Look here").clicked() {
         state.viewpoint.look_at(at);

@@ -1,7 +1,8 @@
 //! The table of all vehicles.
 
+use super::commands::key_map;
 use super::vehicle_menu::{MenuSubject, VehicleMenu};
-use super::{DriverNames, Selection, SpeedUnit, UiState, ViewModel, status, theme};
+use super::{DecimalSeparator, DriverNames, Selection, SpeedUnit, UiState, ViewModel, status, theme};
 use city3d_geometry::LengthScale;
 use city3d_protocol::snapshot::{FrameSnapshot, Status, VehicleId};
 use city3d_roadmap::CityMap;
@@ -244,7 +245,7 @@ pub fn show(ui: &mut Ui, shown: &ViewModel<'_>, state: &mut UiState) {
         ui.label(RichText::new(text).weak());
         return;
     }
-    let units = (state.preferences.units, shown.scale());
+    let units = (state.preferences.units, shown.scale(), state.preferences.decimal);
     let asked = grid(ui, &listed, (snapshot, map, units), table, selection);
     if let Some(id) = asked {
         state.menu = Some(VehicleMenu::of(MenuSubject::Vehicle(id)));
@@ -255,7 +256,7 @@ pub fn show(ui: &mut Ui, shown: &ViewModel<'_>, state: &mut UiState) {
 fn grid(
     ui: &mut Ui,
     shown: &[VehicleRow<'_>],
-    (snapshot, map, units): (&FrameSnapshot, &CityMap, (SpeedUnit, LengthScale)),
+    (snapshot, map, units): (&FrameSnapshot, &CityMap, NumberStyle),
     table: &mut TableState,
     selection: &mut Selection,
 ) -> Option<VehicleId> {
@@ -308,7 +309,8 @@ fn grid(
                 }
                 response.on_hover_ui(|ui| {
                     let found = snapshot.vehicle(row.id).zip(snapshot.info(row.id));
-                    let why = found.map(|(vehicle, info)| status::reason(vehicle, info, map));
+                    let keys = key_map::of(ui.ctx());
+                    let why = found.map(|(vehicle, info)| status::reason(&keys, vehicle, info, map));
                     ui.label(format!("{} {}, driver: {}", row.id, row.name, driver_words(row.driver)));
                     ui.label(format!("{}: {}", status::label(row.status), why.unwrap_or_default()));
                 });
@@ -374,9 +376,12 @@ fn heading(ui: &mut Ui, table: &mut TableState, key: SortKey, (title, tip): (&st
     }
 }
 
+/// Unit of speeds, scale of the city, and how numbers are written.
+type NumberStyle = (SpeedUnit, LengthScale, DecimalSeparator);
+
 fn cell(
     line: &mut egui_extras::TableRow<'_, '_>,
-    (row, (units, scale)): (&VehicleRow<'_>, (SpeedUnit, LengthScale)),
+    (row, (units, scale, decimal)): (&VehicleRow<'_>, NumberStyle),
     key: SortKey,
 ) {
     line.col(|ui| match key {
@@ -390,9 +395,9 @@ fn cell(
             let colour = theme::on_panel(ui.ctx(), row.status);
             ui.label(RichText::new(in_table(row.status)).color(colour));
         }
-        SortKey::X => number(ui, tenths(row.x_m)),
-        SortKey::Y => number(ui, tenths(row.y_m)),
-        SortKey::Speed => number(ui, units.number(row.speed_mps, scale)),
+        SortKey::X => number(ui, decimal.tenths(row.x_m)),
+        SortKey::Y => number(ui, decimal.tenths(row.y_m)),
+        SortKey::Speed => number(ui, units.number(row.speed_mps, scale, decimal)),
     });
 }
 
@@ -416,11 +421,6 @@ fn driver_words(name: &str) -> String {
         "human" => "a person".to_owned(),
         other => other.to_owned(),
     }
-}
-
-/// Formats with one decimal, without a negative zero: all panels show a number alike.
-pub fn tenths(number: f64) -> String {
-    format!("{:.1}", (number * 10.0).round() / 10.0 + 0.0)
 }
 
 /// A patch of the colour of a vehicle: round for one of the laboratory.

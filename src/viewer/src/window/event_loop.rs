@@ -13,7 +13,7 @@ use super::viewer::{ViewerState, WindowRequest};
 use super::{ViewSettings, WindowError, WindowOptions, WindowSubject};
 use crate::cockpit::Devices;
 use crate::ui::runs::Problem;
-use crate::ui::{CityKind, Look};
+use crate::ui::{CityKind, Look, VideoSubject};
 use city3d_render::{Context, Image, write_png};
 use city3d_session::Order;
 use std::mem::ManuallyDrop;
@@ -343,7 +343,7 @@ impl OpenWindow {
     /// Shows how the recording of a video does, and says what has become of it.
     fn tell_of_videos(&mut self) {
         self.viewer.video = self.videos.status();
-        if let Some(said) = self.videos.try_said() {
+        if let Some(said) = self.videos.try_said(self.viewer.state.preferences.decimal) {
             self.say(said);
         }
         if self.videos.is_finishing() {
@@ -382,7 +382,9 @@ impl OpenWindow {
         let view_of = |texture: &wgpu::Texture| texture.create_view(&wgpu::TextureViewDescriptor::default());
         let view = view_of(&texture.texture);
         let simulated_s = self.viewer.interpolated().time_s;
-        let (is_shot, is_filmed) = (std::mem::take(&mut self.wants_shot), self.videos.wants(simulated_s));
+        let subject = self.videos.subject_of_next(simulated_s);
+        let (is_shot, is_filmed) =
+            (std::mem::take(&mut self.wants_shot), subject == Some(VideoSubject::Window));
         let memory = (is_shot || is_filmed).then(|| self.painter.memory(extent));
         let copy = memory.as_ref().map(view_of);
         let screens: Vec<_> = [Some(&view), copy.as_ref()]
@@ -393,6 +395,9 @@ impl OpenWindow {
         self.painter.paint(&self.egui, ManuallyDrop::into_inner(output), &screens);
         self.window.pre_present_notify();
         self.painter.context().queue.present(texture);
+        if subject == Some(VideoSubject::City) {
+            self.film_city(simulated_s);
+        }
         let Some(memory) = memory else { return };
         let image = self.painter.read(&memory);
         if let (true, Ok(image)) = (is_filmed, &image) {
@@ -403,13 +408,29 @@ impl OpenWindow {
         }
     }
 
+    /// Adds the picture of the city to the video, in the size of the video: while the city moves it may be smaller.
+    fn film_city(&mut self, simulated_s: f64) {
+        let Some(extent) = self.videos.extent() else { return };
+        let memory = self.painter.memory(extent);
+        let view = memory.create_view(&wgpu::TextureViewDescriptor::default());
+        if self.painter.paint_city(PaintTarget { view: &view, extent })
+            && let Ok(image) = self.painter.read(&memory)
+        {
+            self.videos.add(image, simulated_s);
+        }
+    }
+
     fn fulfil(&mut self, request: WindowRequest) {
         match request {
             WindowRequest::Look | WindowRequest::Open(_) => self.load(request),
             WindowRequest::Screenshot => self.wants_shot = true,
-            WindowRequest::Video(kind) => {
+            WindowRequest::Video(request) => {
                 let file = unused_in_folder(self.viewer.interpolated().tick, ".mp4");
-                self.videos.toggle(kind, &file, self.surface.extent());
+                let extent = match request.subject {
+                    VideoSubject::Window => self.surface.extent(),
+                    VideoSubject::City => self.viewer.state.city_pixels,
+                };
+                self.videos.toggle(request, &file, extent);
             }
             WindowRequest::KeepDevices if self.remembers => {
                 save_profiles(self.viewer.state.devices.profiles());

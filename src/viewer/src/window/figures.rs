@@ -76,6 +76,12 @@ impl LiveFigures {
         self.lanes.is_none()
     }
 
+    /// The traces of the run so far, and where they come from.
+    pub(super) fn run_so_far(&mut self, history: &RunHistory) -> (TraceBuilder, LogOrigin) {
+        self.read_states(history);
+        (self.builder.clone(), self.origin)
+    }
+
     /// Draws the chart anew where what it shows has changed.
     pub(super) fn update(&mut self, charts: &ChartState, selected: Option<VehicleId>, history: &RunHistory) {
         self.read_states(history);

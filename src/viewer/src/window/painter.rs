@@ -171,6 +171,20 @@ impl WindowPainter {
         })
     }
 
+    /// Paints the picture of the large view alone on a target, as large as its shape allows, with black around it; `false`
+    /// until there is one.
+    pub fn paint_city(&mut self, screen: PaintTarget<'_>) -> bool {
+        let Some(city) = self.slots.get(&PictureSlot::City) else { return false };
+        let place = fitted(city.extent, screen.extent);
+        let mut mesh = egui::Mesh::with_texture(city.id);
+        let whole = egui::Rect::from_min_max(egui::pos2(0.0, 0.0), egui::pos2(1.0, 1.0));
+        mesh.add_rect_with_uv(place, whole, egui::Color32::WHITE);
+        let primitive =
+            egui::ClippedPrimitive { clip_rect: place, primitive: egui::epaint::Primitive::Mesh(mesh) };
+        self.paint_primitives((&[primitive], wgpu::Color::BLACK), 1.0, screen);
+        true
+    }
+
     /// Reads an offscreen target back.
     ///
     /// # Errors
@@ -234,6 +248,13 @@ impl WindowPainter {
     }
 }
 
+/// Where a picture of one size lies in a rectangle of another: as large as fits, in the middle, in its own shape.
+fn fitted(picture: [u32; 2], into: [u32; 2]) -> egui::Rect {
+    let [picture, into] = [picture, into].map(|[width, height]| egui::vec2(width as f32, height as f32));
+    let scale = (into / picture).min_elem();
+    egui::Rect::from_center_size((into / 2.0).to_pos2(), picture * scale)
+}
+
 /// The renderer of an experiment's city.
 ///
 /// # Errors
@@ -255,4 +276,61 @@ pub fn renderer(context: &Context, experiment: &Experiment, look: Look) -> Resul
     let mut renderer = Renderer::with_textures(context, &scene, baked)?;
     renderer.set_vehicle_models(&experiment.models.vehicles);
     Ok(renderer)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::loading;
+    use super::*;
+    use crate::ui::Viewpoint;
+    use city3d_render::AdapterPreference;
+    use city3d_sensors::PictureKind;
+    use city3d_simulation::runner::Run;
+    use city3d_simulation::scenario::ScenarioRequest;
+
+    #[test]
+    fn a_picture_keeps_its_shape_and_its_middle_whatever_it_is_fitted_into() {
+        let of = |picture, into| {
+            let rect = fitted(picture, into);
+            [rect.left(), rect.top(), rect.right(), rect.bottom()]
+        };
+        assert_eq!(of([400, 300], [800, 600]), [0.0, 0.0, 800.0, 600.0]);
+        assert_eq!(of([400, 300], [800, 300]), [200.0, 0.0, 600.0, 300.0]);
+        assert_eq!(of([400, 300], [400, 600]), [0.0, 150.0, 400.0, 450.0]);
+    }
+
+    #[test]
+    fn the_city_alone_is_the_picture_of_the_large_view_in_the_size_of_the_video() {
+        let context = match Context::headless(&AdapterPreference::parse("software")) {
+            Ok(context) => context,
+            Err(error) => {
+                assert!(std::env::var_os("CI").is_none(), "{error}");
+                eprintln!("SKIPPED: {error}");
+                return;
+            }
+        };
+        let request = ScenarioRequest { scenario: "straight".to_owned(), ..ScenarioRequest::default() };
+        let experiment = loading::read(&request).unwrap();
+        let look = Look { preset: QualityPreset::Low, hours: 12.0 };
+        let mut painter = WindowPainter::new(context, &experiment, look, FORMAT).unwrap();
+        let extent = [320, 120];
+        let memory = painter.memory(extent);
+        let target = memory.create_view(&wgpu::TextureViewDescriptor::default());
+        assert!(!painter.paint_city(PaintTarget { view: &target, extent }), "there is none yet");
+        let snapshot = Run::new(experiment).unwrap().snapshot().clone();
+        let view = Viewpoint::around(&snapshot).view(&snapshot, [160, 120]);
+        let picture = PictureRequest { slot: PictureSlot::City, view, kind: PictureKind::Rgb };
+        painter.draw(&snapshot, &[picture], &Overlay::default()).unwrap();
+        assert!(painter.paint_city(PaintTarget { view: &target, extent }));
+        let image = painter.read(&memory).unwrap();
+        let at = |x: u32, y: u32| {
+            let place = 3 * (y * extent[0] + x) as usize;
+            [image.rgb[place], image.rgb[place + 1], image.rgb[place + 2]]
+        };
+        let rows = || 0..extent[1];
+        assert!(rows().all(|y| at(79, y) == [0; 3] && at(240, y) == [0; 3]), "black beside it");
+        let colours: std::collections::BTreeSet<[u8; 3]> =
+            rows().flat_map(|y| (80..240).map(move |x| (x, y))).map(|(x, y)| at(x, y)).collect();
+        assert!(colours.len() > 50 && !colours.contains(&[0; 3]), "{} colours of a city", colours.len());
+    }
 }

@@ -3,7 +3,8 @@
 use super::unused::unused;
 use crate::cockpit::DeviceProfile;
 use crate::ui::{
-    Bookmarks, CameraMode, Layers, Preferences, PreviewCamera, QualityPreset, StoredLayout, TableState,
+    Bookmarks, CameraMode, KeyMap, Layers, Preferences, PreviewCamera, QualityPreset, StoredLayout,
+    TableState, VideoSubject,
 };
 use city3d_outputs::WholeFile;
 use city3d_session::Speed;
@@ -30,12 +31,16 @@ pub struct ViewSettings {
     pub recent: Vec<PathBuf>,
     /// `None` until the user chooses.
     pub speed: Option<Speed>,
+    /// What videos show.
+    pub video_subject: VideoSubject,
     /// Overlays of the city view.
     pub layers: Layers,
     /// Sort column and direction of the table of vehicles; its filter is not stored.
     pub table: TableState,
     /// Theme, status colours, size of the interface and units.
     pub preferences: Preferences,
+    /// Keys that the user has assigned.
+    pub keys: KeyMap,
     /// Places of the panels, and which are open; the usual ones until the user has closed a window.
     pub layout: Option<StoredLayout>,
     /// What was watched in the last live run.
@@ -174,7 +179,7 @@ fn date(days: u64) -> [u64; 3] {
 mod tests {
     use super::*;
     use crate::cockpit::{ControlFunction, DeviceControl, LeverCalibration};
-    use crate::ui::{Layout, OpenPanels, Theme, Viewpoint};
+    use crate::ui::{DecimalSeparator, Layout, OpenPanels, Theme, Viewpoint, bindings};
     use city3d_protocol::snapshot::FrameSnapshot;
 
     #[test]
@@ -200,6 +205,9 @@ mod tests {
         let path = folder.path().join("new").join("view.toml");
         let mut bookmarks = Bookmarks::default();
         bookmarks.set(3, &Viewpoint::around(&FrameSnapshot::default()));
+        let mut keys = KeyMap::default();
+        let quit = bindings().find(|binding| binding.name == "Quit").unwrap();
+        keys.assign(&quit, crate::ui::commands::HELP.usual_keys.to_vec());
         let settings = ViewSettings {
             size: Some([1600, 900]),
             preset: Some(QualityPreset::Medium),
@@ -208,7 +216,14 @@ mod tests {
             layers: Layers { lanes: true, labels: false, ..Layers::default() },
             table: TableState { descending: true, ..TableState::default() },
             speed: Some(Speed::Times(2.0)),
-            preferences: Preferences { theme: Theme::Light, scale: 1.5, ..Preferences::default() },
+            preferences: Preferences {
+                theme: Theme::Light,
+                scale: 1.5,
+                decimal: DecimalSeparator::Comma,
+                ..Preferences::default()
+            },
+            video_subject: VideoSubject::City,
+            keys,
             layout: Layout::default().stored(OpenPanels { traffic: true, ..OpenPanels::default() }),
             views: WatchedVehicles {
                 scenario: "roundabout".to_owned(),

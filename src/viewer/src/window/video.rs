@@ -1,7 +1,7 @@
-//! A video of what the window shows: pictures come as they are drawn, a thread of its own encodes them, and the file has
+//! A video of the window, or of the city in it: pictures come as they are drawn, a thread of its own encodes them, and the file has
 //! its name when it is whole.
 
-use crate::ui::{VideoKind, VideoStatus};
+use crate::ui::{DecimalSeparator, VideoKind, VideoRequest, VideoStatus, VideoSubject};
 use city3d_render::Image;
 use city3d_render::video::{FrameRate, Video, VideoError, VideoOutput};
 use std::path::{Path, PathBuf};
@@ -18,8 +18,9 @@ const WAITING: usize = 8;
 
 /// Records a video while the window is used.
 pub(super) struct VideoRecorder {
-    kind: VideoKind,
+    request: VideoRequest,
     file: PathBuf,
+    extent: [u32; 2],
     begun: Instant,
     /// Simulated time of the last picture of a time-lapse.
     last_s: Option<f64>,
@@ -36,7 +37,7 @@ impl VideoRecorder {
     /// # Errors
     /// In words, where it cannot be begun: without ffmpeg, or where the file cannot be written.
     pub(super) fn begin(
-        kind: VideoKind,
+        request: VideoRequest,
         file: &Path,
         extent: [u32; 2],
         now: Instant,
@@ -60,8 +61,9 @@ impl VideoRecorder {
         let encoder = std::thread::Builder::new().name("video".to_owned()).spawn(work);
         let encoder = encoder.map_err(|error| format!("the video cannot be encoded: {error}"))?;
         Ok(Self {
-            kind,
+            request,
             file: file.to_owned(),
+            extent,
             begun: now,
             last_s: None,
             last: None,
@@ -74,12 +76,12 @@ impl VideoRecorder {
     /// How it does.
     pub(super) fn status(&self) -> VideoStatus {
         let length_s = self.last.map_or(0.0, |last| (last + 1) as f64 / RATE as f64);
-        VideoStatus { kind: self.kind, length_s }
+        VideoStatus { request: self.request, length_s }
     }
 
     /// Place of the next picture, if one is due.
     fn next(&self, now: Instant, simulated_s: f64) -> Option<u64> {
-        match self.kind {
+        match self.request.kind {
             VideoKind::AsSeen => {
                 let place = (now.saturating_duration_since(self.begun).as_secs_f64() * RATE as f64) as u64;
                 self.last.is_none_or(|last| place > last).then_some(place)
@@ -101,7 +103,7 @@ impl VideoRecorder {
 
     /// When the next picture is due, though nothing changes; a time-lapse waits for the run.
     pub(super) fn next_in(&self) -> Option<Duration> {
-        (self.kind == VideoKind::AsSeen).then(|| Duration::from_secs(1) / RATE as u32)
+        (self.request.kind == VideoKind::AsSeen).then(|| Duration::from_secs(1) / RATE as u32)
     }
 
     /// Takes a picture.
@@ -120,21 +122,33 @@ impl VideoRecorder {
         self.has_ended.load(Ordering::Relaxed)
     }
 
-    /// Completes the file; says where it is, or what went wrong.
+    /// Completes the file.
     ///
     /// # Errors
-    /// In words.
-    pub(super) fn finish(mut self) -> Result<String, String> {
-        let status = self.status();
+    /// What went wrong, in words.
+    pub(super) fn finish(mut self) -> Result<FinishedVideo, String> {
+        let length_s = self.status().length_s;
         self.end().map_err(|error| error.to_string())?;
-        let whole = std::path::absolute(&self.file).unwrap_or_else(|_| self.file.clone());
-        Ok(format!("Video of {:.1} s: {}", status.length_s, whole.display()))
+        let file = std::path::absolute(&self.file).unwrap_or_else(|_| self.file.clone());
+        Ok(FinishedVideo { length_s, file })
     }
 
     fn end(&mut self) -> Result<(), VideoError> {
         self.pictures = None;
         let outcome = self.encoder.take().map(JoinHandle::join);
         outcome.and_then(Result::ok).unwrap_or(Ok(()))
+    }
+}
+
+/// A video that is complete.
+pub(super) struct FinishedVideo {
+    length_s: f64,
+    file: PathBuf,
+}
+
+impl FinishedVideo {
+    fn words(&self, decimal: DecimalSeparator) -> String {
+        format!("Video of {} s: {}", decimal.fixed(self.length_s, 1), self.file.display())
     }
 }
 
@@ -181,34 +195,27 @@ fn fitted(image: Image, [width, height]: [u32; 2]) -> Image {
 pub(super) struct WindowVideos {
     recorder: Option<VideoRecorder>,
     finishing: Vec<JoinHandle<()>>,
-    said: Arc<Mutex<Vec<String>>>,
+    outcomes: Arc<Mutex<Vec<Result<FinishedVideo, String>>>>,
 }
 
 impl WindowVideos {
     /// Begins a video, or ends the one that is being recorded; its last pictures are encoded beside the window.
-    pub(super) fn toggle(&mut self, kind: VideoKind, file: &Path, extent: [u32; 2]) {
+    pub(super) fn toggle(&mut self, request: VideoRequest, file: &Path, extent: [u32; 2]) {
         if let Some(recorder) = self.recorder.take() {
             self.finish(recorder);
             return;
         }
-        match VideoRecorder::begin(kind, file, extent, Instant::now()) {
+        match VideoRecorder::begin(request, file, extent, Instant::now()) {
             Ok(recorder) => self.recorder = Some(recorder),
-            Err(why) => self.say(why),
+            Err(why) => keep(&self.outcomes, Err(why)),
         }
     }
 
     fn finish(&mut self, recorder: VideoRecorder) {
-        let said = Arc::clone(&self.said);
-        let work = move || {
-            let words = recorder.finish().unwrap_or_else(|why| why);
-            said.lock().unwrap_or_else(PoisonError::into_inner).push(words);
-        };
+        let outcomes = Arc::clone(&self.outcomes);
+        let work = move || keep(&outcomes, recorder.finish());
         // Without a thread the recorder is dropped, which completes its file.
         self.finishing.extend(std::thread::Builder::new().name("video end".to_owned()).spawn(work));
-    }
-
-    fn say(&self, words: String) {
-        self.said.lock().unwrap_or_else(PoisonError::into_inner).push(words);
     }
 
     /// How the present recording does.
@@ -216,9 +223,15 @@ impl WindowVideos {
         self.recorder.as_ref().map(VideoRecorder::status)
     }
 
-    /// Whether this frame belongs into the video.
-    pub(super) fn wants(&self, simulated_s: f64) -> bool {
-        self.recorder.as_ref().is_some_and(|recorder| recorder.wants(Instant::now(), simulated_s))
+    /// What of this frame belongs into the video; `None` where nothing does.
+    pub(super) fn subject_of_next(&self, simulated_s: f64) -> Option<VideoSubject> {
+        let recorder = self.recorder.as_ref()?;
+        recorder.wants(Instant::now(), simulated_s).then_some(recorder.request.subject)
+    }
+
+    /// Size of the pictures of the present recording.
+    pub(super) fn extent(&self) -> Option<[u32; 2]> {
+        self.recorder.as_ref().map(|recorder| recorder.extent)
     }
 
     /// When the next frame is due although nothing changes.
@@ -234,11 +247,12 @@ impl WindowVideos {
     }
 
     /// What is to be said: a file that is complete, or what went wrong.
-    pub(super) fn try_said(&mut self) -> Option<String> {
+    pub(super) fn try_said(&mut self, decimal: DecimalSeparator) -> Option<String> {
         if let Some(recorder) = self.recorder.take_if(|recorder| recorder.has_failed()) {
             self.finish(recorder);
         }
-        self.said.lock().unwrap_or_else(PoisonError::into_inner).pop()
+        let outcome = self.outcomes.lock().unwrap_or_else(PoisonError::into_inner).pop()?;
+        Some(outcome.map_or_else(|why| why, |video| video.words(decimal)))
     }
 
     /// Whether a file is still being completed.
@@ -246,6 +260,10 @@ impl WindowVideos {
         self.finishing.retain(|thread| !thread.is_finished());
         !self.finishing.is_empty()
     }
+}
+
+fn keep(outcomes: &Mutex<Vec<Result<FinishedVideo, String>>>, outcome: Result<FinishedVideo, String>) {
+    outcomes.lock().unwrap_or_else(PoisonError::into_inner).push(outcome);
 }
 
 impl Drop for WindowVideos {
@@ -267,6 +285,10 @@ mod tests {
         Image { width, height, rgb: vec![grey; 3 * width as usize * height as usize] }
     }
 
+    fn window(kind: VideoKind) -> VideoRequest {
+        VideoRequest { subject: VideoSubject::Window, kind }
+    }
+
     /// The luma of the first pixel of each frame, and the size in the header.
     fn frames(file: &Path) -> (String, Vec<u8>) {
         let bytes = std::fs::read(file).unwrap();
@@ -286,7 +308,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let file = folder.path().join("seen.y4m");
         let begun = Instant::now();
-        let mut recorder = VideoRecorder::begin(VideoKind::AsSeen, &file, [33, 20], begun).unwrap();
+        let mut recorder = VideoRecorder::begin(window(VideoKind::AsSeen), &file, [33, 20], begun).unwrap();
         // At 25 pictures a second: three places, then a pause of seven, then one.
         for (ms, grey) in [(0, 16), (10, 255), (40, 60), (80, 120), (400, 200)] {
             let now = begun + Duration::from_millis(ms);
@@ -296,7 +318,7 @@ mod tests {
         }
         assert!((recorder.status().length_s - 11.0 / 25.0).abs() < 1e-9);
         assert!(!file.exists(), "it has its name when it is whole");
-        let said = recorder.finish().unwrap();
+        let said = recorder.finish().unwrap().words(DecimalSeparator::Point);
         assert!(said.starts_with("Video of 0.4 s: /") && said.ends_with("seen.y4m"), "{said}");
         let (header, lumas) = frames(&file);
         assert!(header.contains("W32 H20 F25:1"), "{header}");
@@ -311,7 +333,7 @@ mod tests {
         let file = folder.path().join("lapse.y4m");
         let kind = VideoKind::TimeLapse { every_s: 2.0 };
         let now = Instant::now();
-        let mut recorder = VideoRecorder::begin(kind, &file, [8, 8], now).unwrap();
+        let mut recorder = VideoRecorder::begin(window(kind), &file, [8, 8], now).unwrap();
         for k in 0..100 {
             let simulated_s = f64::from(k) * 0.1;
             if recorder.wants(now, simulated_s) {
@@ -329,7 +351,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let file = folder.path().join("sizes.y4m");
         let begun = Instant::now();
-        let mut recorder = VideoRecorder::begin(VideoKind::AsSeen, &file, [16, 16], begun).unwrap();
+        let mut recorder = VideoRecorder::begin(window(VideoKind::AsSeen), &file, [16, 16], begun).unwrap();
         for (k, size) in [[16, 16], [40, 6], [6, 40]].into_iter().enumerate() {
             let now = begun + Duration::from_millis(40 * k as u64);
             recorder.add(picture(200, size), now, 0.0);
@@ -343,9 +365,9 @@ mod tests {
     #[test]
     fn where_a_video_cannot_be_begun_it_is_said() {
         let mut videos = WindowVideos::default();
-        videos.toggle(VideoKind::AsSeen, Path::new("/no/such/folder/video.y4m"), [8, 8]);
+        videos.toggle(window(VideoKind::AsSeen), Path::new("/no/such/folder/video.y4m"), [8, 8]);
         assert_eq!(videos.status(), None);
-        let said = videos.try_said().unwrap();
+        let said = videos.try_said(DecimalSeparator::Point).unwrap();
         assert!(said.contains("/no/such/folder/video.y4m"), "{said}");
     }
 
@@ -354,7 +376,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let file = folder.path().join("closed.y4m");
         let mut videos = WindowVideos::default();
-        videos.toggle(VideoKind::TimeLapse { every_s: 1.0 }, &file, [8, 8]);
+        videos.toggle(window(VideoKind::TimeLapse { every_s: 1.0 }), &file, [8, 8]);
         (0..3).for_each(|k| videos.add(picture(50, [8, 8]), f64::from(k)));
         drop(videos);
         assert_eq!(frames(&file).1.len(), 3);

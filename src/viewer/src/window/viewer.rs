@@ -7,6 +7,7 @@ mod seat;
 #[cfg(test)]
 mod tests;
 
+use super::compared_curves::ComparedCurves;
 use super::editor::ScenarioEditor;
 use super::figures::LiveFigures;
 use super::opening::Opening;
@@ -17,7 +18,7 @@ use crate::cockpit::SteeringGeometry;
 use crate::ui::runs::{RunsView, StartLists};
 use crate::ui::{
     self, CityKind, KEPT_S, LiveTraffic, Look, PastView, PictureRequest, PictureSlot, ReplayView,
-    ScenarioChoice, UiAction, UiState, VideoKind, VideoStatus, ViewModel,
+    ScenarioChoice, UiAction, UiState, VideoRequest, VideoStatus, ViewModel,
 };
 use city3d_logbook::record::LogOrigin;
 use city3d_protocol::snapshot::{FrameSnapshot, Status, VehicleSpec};
@@ -42,7 +43,7 @@ pub enum WindowRequest {
     /// The next frame is saved as a picture.
     Screenshot,
     /// A video begins, or ends.
-    Video(VideoKind),
+    Video(VideoRequest),
     /// The device mappings are stored.
     KeepDevices,
     /// The window closes.
@@ -106,6 +107,7 @@ pub struct ViewerState {
     /// Which time of a run that goes on is shown.
     past: PastPlayer,
     figures: LiveFigures,
+    curves: ComparedCurves,
     /// The video that is being recorded.
     pub video: Option<VideoStatus>,
     traffic: LiveTraffic,
@@ -208,6 +210,7 @@ impl ViewerState {
             events: EventReader::default(),
             traffic: LiveTraffic::new(&experiment),
             figures: LiveFigures::new(&experiment, LogOrigin::Run),
+            curves: ComparedCurves::default(),
             experiment,
             history: RunHistory::default(),
             past: PastPlayer::default(),
@@ -279,7 +282,7 @@ impl ViewerState {
             ViewedRun::Log(player) => player.is_settled(),
             ViewedRun::Run(_) | ViewedRun::Ended(_) => true,
         };
-        is_read && self.figures.is_settled()
+        is_read && self.figures.is_settled() && self.curves.is_settled()
     }
 
     /// The player of a recorded run.
@@ -336,6 +339,9 @@ impl ViewerState {
         }
         if self.state.open.charts {
             self.figures.update(&self.state.charts, self.state.selection.vehicle, &self.history);
+        }
+        if let Some(choice) = self.state.runs.comparison.shown_curves() {
+            self.curves.update(choice, self.state.preferences.units.figure_scale());
         }
     }
 
@@ -412,7 +418,11 @@ impl ViewerState {
             has_control_data: self.scenario_info.has_control_data,
             city: self.city,
             replay,
-            runs: RunsView { lists: &self.lists, may_run_again: self.again.is_some() },
+            runs: RunsView {
+                lists: &self.lists,
+                may_run_again: self.again.is_some(),
+                curves: self.curves.view(),
+            },
             past,
             step_s: self.experiment.rates.dt_s(),
             chart: self.figures.view(),
@@ -437,7 +447,7 @@ impl ViewerState {
                 UiAction::Look(_) => requests.push(WindowRequest::Look),
                 UiAction::Screenshot => requests.push(WindowRequest::Screenshot),
                 UiAction::SaveChart => self.figures.save(std::path::Path::new(".")),
-                UiAction::Video(kind) => requests.push(WindowRequest::Video(kind)),
+                UiAction::Video(video) => requests.push(WindowRequest::Video(video)),
                 UiAction::KeepDevices => requests.push(WindowRequest::KeepDevices),
                 UiAction::Quit => requests.push(WindowRequest::Quit),
                 UiAction::Scenario(scenario) => {
@@ -482,7 +492,8 @@ impl ViewerState {
     /// Takes the new events of a live run, and tells of grave ones at once.
     fn announce_events(&mut self, run_state: &RunState, now_s: f64) {
         let known = self.events.read(&run_state.events);
-        if let Some(words) = ui::announcement(&run_state.now, &self.events.marks()[known..]) {
+        let said_with = (&*self.state.keys, self.state.preferences.decimal);
+        if let Some(words) = ui::announcement(&run_state.now, &self.events.marks()[known..], said_with) {
             self.state.say(words, now_s);
         }
     }
@@ -490,7 +501,8 @@ impl ViewerState {
     /// Carries out a playback command. Who drives has to see the present.
     fn look_back(&mut self, command: PlaybackCommand, now_s: f64) {
         if self.state.driving.is_some() {
-            self.state.say("You drive: give the vehicle back (Enter) to look at the past", now_s);
+            let said = "You drive: release the vehicle to look at the past";
+            self.state.say(self.state.keys.tip(said, &ui::commands::RELEASE), now_s);
             return;
         }
         self.control_playback(command);

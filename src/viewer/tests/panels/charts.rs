@@ -11,7 +11,7 @@ use egui_kittest::Harness;
 use egui_kittest::kittest::Queryable;
 
 /// A line from 0 to 10 s.
-fn figure() -> Figure {
+pub fn figure() -> Figure {
     let stroke = LineStyle::solid([0, 114, 178]);
     let points = (0..=100).map(|k| (f64::from(k) * 0.1, f64::from(k))).collect();
     let panel = Panel {

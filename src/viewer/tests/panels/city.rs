@@ -280,3 +280,24 @@ fn the_bar_picks_scenarios_cameras_and_looks() {
     assert_eq!(actions[0], UiAction::Scenario("city".to_owned()));
     assert!(matches!(&actions[1], UiAction::Look(look) if look.hours == 22.0), "{actions:?}");
 }
+
+#[test]
+fn a_notice_does_not_cover_the_name_of_the_followed_vehicle() {
+    let mut harness = with(2);
+    harness.state_mut().state.selection.vehicle = Some(VehicleId(1));
+    press(&mut harness, egui::Key::Num2);
+    let now_s = harness.ctx.input(|input| input.time);
+    harness.state_mut().state.say("A sentence that says what has come of it and what can be done now", now_s);
+    harness.run_steps(2);
+    let place = |words: &str| {
+        let found = harness.output().shapes.iter().find_map(|clipped| match &clipped.shape {
+            Shape::Text(text) if text.galley.text().starts_with(words) => {
+                Some(text.galley.rect.translate(text.pos.to_vec2()))
+            }
+            _ => None,
+        });
+        found.unwrap_or_else(|| panic!("{words} is not painted"))
+    };
+    let (badge, notice) = (place("Chase: 1 car1"), place("A sentence"));
+    assert!(!badge.expand(4.0).intersects(notice.expand(4.0)), "{badge:?}, {notice:?}");
+}

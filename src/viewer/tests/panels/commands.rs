@@ -4,7 +4,7 @@ use super::desk::{Desk, EditedFile, Recording, fleet, harness, press};
 use city3d_protocol::snapshot::{EventKind, VehicleId};
 use city3d_session::playback::Playhead;
 use city3d_session::{Order, RunPhase, Speed};
-use city3d_viewer::ui::{CameraMode, Command, ManualDrive, SECTIONS, TimelineRange, UiAction};
+use city3d_viewer::ui::{CameraMode, Command, KeyMap, ManualDrive, SECTIONS, TimelineRange, UiAction};
 use egui::{Key, Modifiers};
 use egui_kittest::Harness;
 use egui_kittest::kittest::Queryable;
@@ -15,7 +15,7 @@ fn commands() -> impl Iterator<Item = &'static Command> {
 }
 
 /// Windows that have all actions between them.
-fn desks() -> [Desk; 5] {
+pub fn desks() -> [Desk; 5] {
     let selected = || {
         let mut desk = Desk::with(fleet(3));
         desk.state.selection.vehicle = Some(VehicleId(2));
@@ -83,24 +83,9 @@ fn every_action_runs_from_the_palette() {
 }
 
 #[test]
-fn names_are_told_apart_and_no_two_actions_share_a_key_and_a_window() {
+fn names_are_told_apart() {
     let names: BTreeSet<&str> = commands().map(|command| command.name).collect();
     assert_eq!(names.len(), commands().count());
-    let keys = |title: &str| -> Vec<String> {
-        let section = SECTIONS.iter().find(|section| section.title == title).unwrap();
-        section
-            .commands
-            .iter()
-            .flat_map(|c| c.all_keys().split(" or ").map(str::to_owned).collect::<Vec<_>>())
-            .collect()
-    };
-    for subject in ["Run", "Time"] {
-        let shared = ["Camera", "Vehicles", "Panels", "Appearance"].map(keys).concat();
-        let all: Vec<String> =
-            [keys(subject), shared].concat().into_iter().filter(|key| !key.is_empty()).collect();
-        let distinct: BTreeSet<&String> = all.iter().collect();
-        assert_eq!(distinct.len(), all.len(), "{subject}: {all:?}");
-    }
 }
 
 #[test]
@@ -150,7 +135,7 @@ fn an_action_that_wants_a_vehicle_says_so_in_the_palette() {
     let (said, _) = harness.state().state.notice.clone().expect("it is told");
     assert_eq!(
         (said.as_str(), &harness.state().actions[..]),
-        ("Click a vehicle first, or press Page Down", &[][..])
+        ("Click a vehicle first, or select the next one (PgDn)", &[][..])
     );
 }
 
@@ -171,8 +156,9 @@ fn function_keys_and_ctrl_work_while_one_types() {
 fn the_manual_and_the_help_have_every_key() {
     let manual = include_str!("../../../../docs/window.md");
     for section in &SECTIONS {
-        let commands = section.commands.iter().filter(|command| !command.keys.is_empty());
-        let commands = commands.map(|command| (command.all_keys(), command.name.to_owned()));
+        let keys = KeyMap::default();
+        let commands = section.bindings().filter(|binding| !binding.usual.is_empty());
+        let commands = commands.map(|binding| (keys.words(&binding), binding.name.to_owned()));
         let gestures = section.gestures.iter().map(|(how, what)| ((*how).to_owned(), (*what).to_owned()));
         let rows: Vec<(String, String)> = commands.chain(gestures).collect();
         let table: String = rows.iter().map(|(key, what)| format!("| {key} | {what} |\n")).collect();

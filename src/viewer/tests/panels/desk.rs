@@ -10,10 +10,11 @@ use city3d_session::playback::{Playhead, TimelineMark};
 use city3d_session::{RunHistory, RunPhase, RunState};
 use city3d_simulation::scenario::{Experiment, Library, Overrides, StatedVehicle, read_experiment};
 use city3d_viewer::cockpit::SteeringGeometry;
-use city3d_viewer::ui::runs::{RunsView, StartLists};
+use city3d_viewer::ui::runs::{CurvesView, RunsView, StartLists};
 use city3d_viewer::ui::{
-    self, ChartView, CityKind, ControlZoneArea, DriverNames, EditView, LiveTraffic, Look, PastView,
-    QualityPreset, ReplayView, ScenarioCamera, ScenarioChoice, UiAction, UiState, VideoStatus, ViewModel,
+    self, Availability, ChartView, CityKind, ControlZoneArea, DriverNames, EditView, LiveTraffic, Look,
+    PastView, QualityPreset, ReplayView, SECTIONS, ScenarioCamera, ScenarioChoice, UiAction, UiState,
+    VideoStatus, ViewModel,
 };
 use egui_kittest::Harness;
 use egui_kittest::kittest::Queryable;
@@ -43,7 +44,10 @@ pub struct Desk {
     pub history: RunHistory,
     /// Which time of a run that goes on is shown; its present where `None`.
     pub past: Option<PastView>,
+    /// The figure of the charts, and of the curves of two runs.
     pub chart: Option<Figure>,
+    /// Vehicles of two runs that are compared.
+    pub compared: Vec<(VehicleId, String)>,
     pub video: Option<VideoStatus>,
     pub traffic: LiveTraffic,
     pub map: Arc<CityMap>,
@@ -158,6 +162,7 @@ impl Desk {
             history: RunHistory::default(),
             past: None,
             chart: None,
+            compared: Vec::new(),
             video: None,
             traffic: LiveTraffic::new(&experiment()),
             map: map(),
@@ -186,7 +191,23 @@ impl Desk {
     fn show(&mut self, ui: &mut egui::Ui) {
         self.history.push(&self.run_state.now);
         self.traffic.observe(&self.run_state.now);
+        let actions = self.see(|state, shown| ui::show(ui, state, shown));
+        self.actions.extend(actions);
+    }
+
+    /// Names of the actions that can be run.
+    pub fn available_now(mut self) -> Vec<&'static str> {
+        self.see(|state, shown| {
+            let all = SECTIONS.iter().flat_map(|section| section.commands.iter().copied());
+            let now = all.filter(|command| command.availability(state, shown) == Availability::Now);
+            now.map(|command| command.name).collect()
+        })
+    }
+
+    /// Does something with what the panels are given.
+    fn see<R>(&mut self, act: impl FnOnce(&mut UiState, &ViewModel<'_>) -> R) -> R {
         let textures = BTreeMap::new();
+        let curves = CurvesView { figure: self.chart.as_ref(), vehicles: &self.compared, trouble: None };
         let shown = ViewModel {
             run_state: &self.run_state,
             interpolated: &self.run_state.now,
@@ -213,7 +234,7 @@ impl Desk {
             most_moving_pixels: Some(100_000),
             has_control_data: self.has_control_data,
             city: self.city,
-            runs: RunsView { lists: &self.lists, may_run_again: true },
+            runs: RunsView { lists: &self.lists, may_run_again: true, curves },
             replay: self.recording.as_ref().map(|recording| ReplayView {
                 name: "straight",
                 head: recording.head,
@@ -239,8 +260,7 @@ impl Desk {
                 name: "mine.toml",
             }),
         };
-        let actions = ui::show(ui, &mut self.state, &shown);
-        self.actions.extend(actions);
+        act(&mut self.state, &shown)
     }
 }
 

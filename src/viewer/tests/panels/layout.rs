@@ -4,7 +4,7 @@ use super::desk::{Desk, click, fleet, harness, press, with};
 use city3d_protocol::snapshot::VehicleId;
 use city3d_viewer::ui::{Layout, Panel, PictureSlot, SpeedUnit, Theme};
 use egui::accesskit::Role;
-use egui::{Key, Modifiers, Pos2, Rect, vec2};
+use egui::{Key, Modifiers, Pos2, Rect, Shape, vec2};
 use egui_kittest::Harness;
 use egui_kittest::kittest::Queryable;
 
@@ -198,4 +198,37 @@ fn without_previews_the_city_has_their_room_and_the_bar_opens_one() {
     harness.key_press_modifiers(Modifiers::COMMAND | Modifiers::SHIFT, Key::B);
     harness.run_steps(3);
     assert_eq!((open(&harness), harness.state().state.pictures.len()), (vec![1, 4], 3));
+}
+
+#[test]
+fn the_heading_that_sorts_the_table_is_whole() {
+    let mut harness = with(6);
+    click(&mut harness, "km/h");
+    harness.get_by_label("km/h, ascending");
+    let heading = harness.output().shapes.iter().find_map(|clipped| match &clipped.shape {
+        Shape::Text(text) if text.galley.text() == "km/h" => {
+            Some((text.galley.elided, text, clipped.clip_rect))
+        }
+        _ => None,
+    });
+    let (is_cut, text, clip) = heading.expect("the heading is painted as it is");
+    assert!(!is_cut && text.pos.x + text.galley.size().x <= clip.right(), "{:?} in {clip:?}", text.pos);
+}
+
+#[test]
+fn the_reverse_gear_moves_nothing_in_a_preview() {
+    for units in [SpeedUnit::KmPerHour, SpeedUnit::LabMetrePerSecond] {
+        let mut desk = Desk::with(fleet(2));
+        desk.state.preferences.units = units;
+        desk.state.toggle_preview(VehicleId(1));
+        let mut harness = harness(desk);
+        let mut top = |reverse: bool, speed_mps: f64| {
+            harness.state_mut().change(|now| {
+                (now.vehicles[0].reverse, now.vehicles[0].speed_mps) = (reverse, speed_mps);
+            });
+            harness.run_steps(3);
+            harness.get_by_label("Gas 0.00").rect().top()
+        };
+        assert_eq!(top(false, 13.9), top(true, -0.06), "{units:?}");
+    }
 }

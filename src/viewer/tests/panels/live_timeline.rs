@@ -5,7 +5,10 @@ use super::desk::{Desk, click, fleet, harness, present, press};
 use city3d_protocol::snapshot::{EventKind, VehicleId};
 use city3d_session::playback::{MarkKind, Occurrence, PlaybackCommand, Playhead, TimelineMark};
 use city3d_session::{Order, RunGoal, RunPhase};
-use city3d_viewer::ui::{ManualDrive, PastView, UiAction, VideoKind, VideoStatus, announcement};
+use city3d_viewer::ui::{
+    DecimalSeparator, KeyMap, ManualDrive, PastView, UiAction, VideoKind, VideoRequest, VideoStatus,
+    VideoSubject, announcement,
+};
 use egui::{Key, Pos2};
 use egui_kittest::Harness;
 use egui_kittest::kittest::Queryable;
@@ -142,10 +145,12 @@ fn what_is_grave_is_counted_and_shown_where_and_when_it_happened() {
     click(&mut harness, "1 lost link");
     assert_eq!(cues(&mut harness), [2.4, 2.45].map(PlaybackCommand::Show));
     let snapshot = fleet(6);
-    assert_eq!(announcement(&snapshot, &some()[..1]), None, "a stop is usual");
-    let said = announcement(&snapshot, &some()).unwrap();
+    let keys = KeyMap::default();
+    let usual = (&keys, DecimalSeparator::Point);
+    assert_eq!(announcement(&snapshot, &some()[..1], usual), None, "a stop is usual");
+    let said = announcement(&snapshot, &some(), usual).unwrap();
     assert_eq!(said, "1.25 s: 3 car3, collision with 5, and 1 more (G shows the last)");
-    let said = announcement(&snapshot, &[lost]).unwrap();
+    let said = announcement(&snapshot, &[lost], usual).unwrap();
     assert_eq!(said, "2.45 s: 5 car5, link lost (G shows it)");
 }
 
@@ -204,15 +209,33 @@ fn a_video_begins_and_ends_by_a_key_or_a_button_and_says_how_long_it_is() {
     let mut harness = live();
     press(&mut harness, Key::F9);
     click(&mut harness, "\u{23fa} Video");
-    assert_eq!(take_actions(&mut harness), [VideoKind::AsSeen; 2].map(UiAction::Video));
+    assert_eq!(take_actions(&mut harness), [VideoKind::AsSeen; 2].map(window).map(UiAction::Video));
     click(&mut harness, "\u{23f7}");
     click(&mut harness, "Time-lapse");
     let lapse = VideoKind::TimeLapse { every_s: 1.0 };
-    assert_eq!(take_actions(&mut harness), [UiAction::Video(lapse)]);
-    harness.state_mut().video = Some(VideoStatus { kind: VideoKind::AsSeen, length_s: 75.2 });
+    assert_eq!(take_actions(&mut harness), [UiAction::Video(window(lapse))]);
+    harness.state_mut().video = Some(VideoStatus { request: window(VideoKind::AsSeen), length_s: 75.2 });
     harness.run_steps(2);
     click(&mut harness, "\u{23f9} 1:15");
-    assert_eq!(take_actions(&mut harness), [UiAction::Video(VideoKind::AsSeen)]);
+    assert_eq!(take_actions(&mut harness), [UiAction::Video(window(VideoKind::AsSeen))]);
+}
+
+fn window(kind: VideoKind) -> VideoRequest {
+    VideoRequest { subject: VideoSubject::Window, kind }
+}
+
+#[test]
+fn a_video_shows_the_window_or_the_city_alone() {
+    let mut harness = live();
+    click(&mut harness, "\u{23f7}");
+    click(&mut harness, "City alone");
+    press(&mut harness, Key::Escape);
+    press(&mut harness, Key::F9);
+    let city = VideoRequest { subject: VideoSubject::City, kind: VideoKind::AsSeen };
+    assert_eq!(take_actions(&mut harness), [UiAction::Video(city)]);
+    // The size of the picture alone: the panels take the rest of 1280 by 720.
+    let [width, height] = harness.state().state.city_pixels;
+    assert!((300..1280).contains(&width) && (200..720).contains(&height), "{width} x {height}");
 }
 
 #[test]

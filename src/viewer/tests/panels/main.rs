@@ -8,8 +8,10 @@ mod controllers;
 mod desk;
 mod editing;
 mod insight;
+mod keys;
 mod layout;
 mod live_timeline;
+mod numbers;
 mod overlays;
 mod plans;
 mod runs;
@@ -49,7 +51,7 @@ fn keys_for_the_selected_vehicle_say_that_there_is_none() {
         let (said, _) = harness.state().state.notice.clone().expect("it is told");
         assert_eq!(
             (said.as_str(), &harness.state().actions[..]),
-            ("Click a vehicle first, or press Page Down", &[][..])
+            ("Click a vehicle first, or select the next one (PgDn)", &[][..])
         );
         let mut harness = with(2);
         press(&mut harness, egui::Key::PageDown);

@@ -12,7 +12,7 @@ use city3d_viewer::ui::{ColourBy, ScenarioCamera};
 use egui::{Rect, Shape};
 use egui_kittest::Harness;
 use glam::{DVec2, DVec3, Vec3};
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
 /// Places of the texts that are painted.
@@ -105,6 +105,25 @@ fn the_route_of_the_selected_vehicle_is_told_from_those_of_the_others() {
     harness.state_mut().state.layers.legend = false;
     harness.run_steps(2);
     assert!(!has_text(&harness, "route of vehicle 2"));
+}
+
+#[test]
+fn where_many_routes_share_a_lane_one_line_tells_how_many() {
+    let lines = |count: u32| {
+        let mut desk = Desk::with(spread(count));
+        let lane = desk.map.lanes[0].id;
+        desk.routes = (1..=count).map(|id| (VehicleId(id), vec![lane])).collect();
+        desk.state.layers.all_routes = true;
+        let harness = harness(desk);
+        assert!(has_text(&harness, "more than 7 routes: the wider, the more"));
+        let lines = &harness.state().state.overlay.lines;
+        let colours: BTreeSet<[u8; 4]> = lines.iter().map(|line| line.paint.colour).collect();
+        (lines.len(), colours.len(), lines[0].width)
+    };
+    let (alone, few, many, most) = (lines(1), lines(7), lines(8), lines(30));
+    assert_eq!(few.0, 7 * alone.0, "a few lie beside one another");
+    assert_eq!((many.0, many.1), (alone.0, 1), "many are one line, which hides none of them");
+    assert!(alone.2 == few.2 && few.2 < many.2 && many.2 < most.2, "{alone:?} {few:?} {many:?} {most:?}");
 }
 
 /// Two cars on a lane, one behind the other, so many metres from bumper to bumper.

@@ -1,14 +1,15 @@
 //! Getting in, and the end of a run: start page, file panel, questions and cards.
 
 use super::desk::{Desk, click, experiment, fleet, harness, press, with};
+use city3d_logbook::figures::Quantity;
 use city3d_logbook::measures::RunMeasures;
 use city3d_protocol::snapshot::{Event, EventKind, FrameSnapshot, Status, VehicleId};
 use city3d_session::{Order, RunPhase};
 use city3d_simulation::environment::EnvironmentProfile;
 use city3d_simulation::runner::{Observer, Summary};
 use city3d_simulation::scenario::Overrides;
-use city3d_viewer::ui::UiAction;
 use city3d_viewer::ui::runs::{ComparedRuns, FilePurpose, OpenRequest, Problem, ResetQuestion, RunEntry};
+use city3d_viewer::ui::{DecimalSeparator, SpeedUnit, UiAction};
 use egui::accesskit::Role;
 use egui::{Key, Modifiers};
 use egui_kittest::Harness;
@@ -262,6 +263,44 @@ fn two_runs_are_compared_measure_by_measure() {
         let mut cells = harness.get_all_by_label(text);
         assert!(cells.any(|cell| (cell.rect().center().y - row).abs() < 3.0), "{text}");
     }
+}
+
+#[test]
+fn two_runs_are_compared_in_the_units_of_the_settings_and_by_their_curves() {
+    let mut desk = finished();
+    desk.state.preferences.units = SpeedUnit::MetrePerSecond;
+    desk.state.preferences.decimal = DecimalSeparator::Comma;
+    desk.compared = vec![(VehicleId(1), "car1".to_owned()), (VehicleId(2), "car2".to_owned())];
+    let present = RunMeasures::of(&outcome());
+    let mut measured = present.clone();
+    measured.mean_speed_mps = present.mean_speed_mps + 1.5;
+    let names = ["this run".to_owned(), "another".to_owned()];
+    let pairs = present.beside(&measured);
+    desk.state.runs.comparison.show(ComparedRuns { names, pairs, note: None });
+    let mut harness = harness(desk);
+    harness.get_by_label("mean speed, m/s");
+    harness.get_by_label("+1,5");
+    harness.state_mut().state.preferences.units = SpeedUnit::LabMetrePerSecond;
+    harness.run_steps(2);
+    harness.get_by_label("mean speed, m/s lab");
+    harness.get_by_label("+0,060");
+    harness.state_mut().state.preferences.units = SpeedUnit::KmPerHour;
+    harness.run_steps(2);
+    harness.get_by_label("+5,4");
+    assert_eq!(harness.state().state.runs.comparison.shown_curves(), None);
+    click(&mut harness, "Curves");
+    harness.get_by_label("Both runs are being read ...");
+    harness.state_mut().chart = Some(super::charts::figure());
+    harness.run_steps(3);
+    harness.get_by_label("Speed [km/h]");
+    harness.get_by_value("1 car1").click();
+    harness.run_steps(3);
+    click(&mut harness, "2 car2");
+    harness.get_by_value("Speed").click();
+    harness.run_steps(3);
+    click(&mut harness, "Gap");
+    let chosen = harness.state().state.runs.comparison.shown_curves().unwrap();
+    assert_eq!((chosen.vehicle, chosen.quantity), (Some(VehicleId(2)), Quantity::Gap));
 }
 
 #[test]

@@ -5,7 +5,7 @@ use super::desk::{Desk, fleet, harness, with};
 use city3d_protocol::snapshot::VehicleId;
 use city3d_sensors::PictureKind;
 use city3d_viewer::ui::{CameraMode, ManualDrive, PictureSlot};
-use egui::{Key, Modifiers};
+use egui::{Key, Modifiers, Shape};
 use egui_kittest::Harness;
 use egui_kittest::kittest::Queryable;
 use glam::{DVec2, DVec3};
@@ -130,4 +130,24 @@ fn only_who_is_outside_of_the_map_has_an_arrow_at_its_edge() {
     harness.state_mut().change(|now| now.vehicles[0].position.x -= 300.0);
     harness.run_steps(2);
     assert_eq!(arrows(&harness), 1);
+}
+
+#[test]
+fn a_preview_that_is_opened_late_plots_what_was_before() {
+    let mut harness = with(2);
+    for step in 1..=100 {
+        harness.state_mut().change(|now| {
+            now.time_s = 2.5 + f64::from(step) * 0.2;
+            now.vehicles[0].speed_mps = f64::from(step % 10);
+        });
+        harness.run_steps(1);
+    }
+    harness.state_mut().state.toggle_preview(VehicleId(1));
+    harness.run_steps(4);
+    let lines = harness.output().shapes.iter().filter_map(|clipped| match &clipped.shape {
+        Shape::Path(path) => Some(path.points.len()),
+        _ => None,
+    });
+    let longest = lines.max().unwrap_or(0);
+    assert!(longest > 80, "the plot of 20 s has {longest} points");
 }

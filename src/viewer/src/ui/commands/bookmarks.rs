@@ -26,6 +26,11 @@ registry!(
     FLY = Command::always("Fly along the bookmarks, or end the flight", &[], fly),
 );
 
+/// The actions by number.
+static GOING: [&Command; 9] =
+    [&GO_TO_1, &GO_TO_2, &GO_TO_3, &GO_TO_4, &GO_TO_5, &GO_TO_6, &GO_TO_7, &GO_TO_8, &GO_TO_9];
+static SETTING: [&Command; 9] = [&SET_1, &SET_2, &SET_3, &SET_4, &SET_5, &SET_6, &SET_7, &SET_8, &SET_9];
+
 fn fly(context: &mut CommandContext<'_, '_>) {
     let state = &mut *context.state;
     if state.viewpoint.is_flying() {
@@ -34,7 +39,10 @@ fn fly(context: &mut CommandContext<'_, '_>) {
     }
     match Flight::along(&state.bookmarks) {
         Some(flight) => state.viewpoint.begin_flight(flight),
-        None => state.say("Set two bookmarks first: Ctrl+Shift+1, Ctrl+Shift+2", context.now_s),
+        None => {
+            let said = state.keys.tip("Set two bookmarks first", &SET_1);
+            state.say(said, context.now_s);
+        }
     }
 }
 
@@ -43,13 +51,16 @@ fn recall(context: &mut CommandContext<'_, '_>, number: u8) {
     match state.bookmarks.get(number) {
         Some(bookmark) => state.viewpoint.recall(bookmark),
         None => {
-            state.say(format!("Bookmark {number} is not set: Ctrl+Shift+{number} sets it"), context.now_s);
+            let text = format!("Bookmark {number} is not set. Set it first");
+            let said = state.keys.tip(&text, SETTING[usize::from(number) - 1]);
+            state.say(said, context.now_s);
         }
     }
 }
 
 fn set(context: &mut CommandContext<'_, '_>, number: u8) {
     context.state.bookmarks.set(number, &context.state.viewpoint);
-    let said = format!("Bookmark {number} is set: Ctrl+{number} comes back to this camera");
+    let text = format!("Bookmark {number} is set. Come back to this camera at any time");
+    let said = context.state.keys.tip(&text, GOING[usize::from(number) - 1]);
     context.state.say(said, context.now_s);
 }

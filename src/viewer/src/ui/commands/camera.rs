@@ -1,6 +1,6 @@
 //! Actions on the camera of the large view.
 
-use super::{Command, key, registry, shift};
+use super::{Binding, Command, WATCHING, key, registry, shift};
 use crate::ui::CameraMode;
 use egui::Key;
 
@@ -26,11 +26,40 @@ registry!(
 /// The action of each camera mode, in the order of [`CameraMode::ALL`].
 pub static MODES: [&Command; 5] = [&ORBIT, &CHASE, &ONBOARD, &OVERHEAD, &FREE];
 
-/// Use of the mouse, and held keys.
+/// Held keys that move the camera. In a replay the arrows go through time instead.
+#[derive(Debug)]
+pub struct CameraKeys {
+    pub forward: Binding,
+    pub back: Binding,
+    pub left: Binding,
+    pub right: Binding,
+    pub down: Binding,
+    pub up: Binding,
+}
+
+/// Held keys that move the camera.
+pub static CAMERA_KEYS: CameraKeys = CameraKeys {
+    forward: Binding::held("Move the camera forward", &[key(Key::W), key(Key::ArrowUp)], WATCHING),
+    back: Binding::held("Move the camera back", &[key(Key::S), key(Key::ArrowDown)], WATCHING),
+    left: Binding::held("Move the camera to the left", &[key(Key::A), key(Key::ArrowLeft)], WATCHING),
+    right: Binding::held("Move the camera to the right", &[key(Key::D), key(Key::ArrowRight)], WATCHING),
+    down: Binding::held("Move the free camera down", &[key(Key::Q)], WATCHING),
+    up: Binding::held("Move the free camera up", &[key(Key::E)], WATCHING),
+};
+
+/// All of them.
+pub static HELD: &[&Binding] = &[
+    &CAMERA_KEYS.forward,
+    &CAMERA_KEYS.back,
+    &CAMERA_KEYS.left,
+    &CAMERA_KEYS.right,
+    &CAMERA_KEYS.down,
+    &CAMERA_KEYS.up,
+];
+
+/// Use of the mouse.
 pub const GESTURES: &[(&str, &str)] = &[
     ("drag", "Turn the view; chase turns around its vehicle, onboard in its place"),
     ("right-drag or Shift+drag", "Move the view"),
     ("wheel", "Zoom"),
-    ("W A S D or arrows", "Move the camera"),
-    ("Q and E", "Move the free camera down and up"),
 ];

@@ -1,6 +1,6 @@
 //! Actions on the edited scenario.
 
-use super::{Availability, Command, CommandContext, ctrl, key, registry};
+use super::{Availability, Command, CommandContext, Hint, NOT_PLAYED, OPEN, Scope, ctrl, key, registry};
 use crate::ui::editing::{self, EditAction, EditTool};
 use crate::ui::runs::{FilePurpose, ONLY_LOCAL};
 use crate::ui::{CityKind, UiAction, UiState, ViewModel};
@@ -11,44 +11,54 @@ registry!(
         let action = if c.shown.edit.is_some() { EditAction::End } else { EditAction::Begin };
         push(c, action);
     })
-    .only(may_edit),
+    .only(may_edit)
+    .within(NOT_PLAYED),
     ADD = Command::always("Add a vehicle: click its lane", &[key(Key::Insert)], |c| {
         editing::choose(c.state, EditTool::AddVehicle);
     })
-    .only(is_editing),
+    .only(is_editing)
+    .within(Scope::EDITING),
     OBSTACLE = Command::always("Add an obstacle: click where a vehicle is parked", &[key(Key::O)], |c| {
         editing::choose(c.state, EditTool::AddObstacle);
     })
-    .only(is_editing),
+    .only(is_editing)
+    .within(Scope::EDITING),
     ROUTE = Command::always("Draw the route of the selected vehicle", &[key(Key::T)], |c| {
         editing::choose(c.state, EditTool::DrawRoute);
     })
-    .only(has_stated),
+    .only(has_stated)
+    .within(Scope::EDITING),
     REMOVE = Command::always("Remove the selected vehicle from the scenario", &[key(Key::Delete)], |c| {
         if let Some(id) = c.state.selection.vehicle {
             push(c, EditAction::Remove(id));
         }
     })
-    .only(has_stated),
+    .only(has_stated)
+    .within(Scope::EDITING),
     UNDO = Command::always("Undo", &[ctrl(Key::Z)], |c| push(c, EditAction::Undo))
-        .only(|_, shown| { Availability::when(shown.edit.as_ref().is_some_and(|edit| edit.can_undo)) }),
+        .only(|_, shown| { Availability::when(shown.edit.as_ref().is_some_and(|edit| edit.can_undo)) })
+        .within(Scope::EDITING),
     REDO = Command::always("Redo", &[ctrl(Key::Z).with_shift(), ctrl(Key::Y)], |c| push(c, EditAction::Redo))
-        .only(|_, shown| Availability::when(shown.edit.as_ref().is_some_and(|edit| edit.can_redo))),
-    SAVE =
-        Command::always("Save the scenario", &[ctrl(Key::S)], |c| push(c, EditAction::Save)).only(is_editing),
+        .only(|_, shown| Availability::when(shown.edit.as_ref().is_some_and(|edit| edit.can_redo)))
+        .within(Scope::EDITING),
+    SAVE = Command::always("Save the scenario", &[ctrl(Key::S)], |c| push(c, EditAction::Save))
+        .only(is_editing)
+        .within(Scope::EDITING),
     SAVE_AS = Command::always("Save the scenario as another file", &[ctrl(Key::S).with_shift()], |c| {
         c.state.runs.browse(FilePurpose::SaveScenario { runs: false });
     })
-    .only(is_editing),
+    .only(is_editing)
+    .within(Scope::EDITING),
     RUN = Command::always("Save the scenario and run it", &[key(Key::F5)], |c| push(c, EditAction::Run))
         .only(|state, shown| match (&shown.edit, is_editing(state, shown)) {
             (Some(edit), _) if edit.is_checking =>
-                Availability::After("The scenario is still being checked."),
+                Availability::After(Hint::new("The scenario is still being checked.")),
             (Some(edit), _) if !edit.problems.is_empty() => {
-                Availability::After("The scenario has problems: see the editor.")
+                Availability::After(Hint::new("The scenario has problems: see the editor."))
             }
             (_, availability) => availability,
-        }),
+        })
+        .within(Scope::EDITING),
 );
 
 /// Use of the mouse.
@@ -86,7 +96,7 @@ pub const EDITING: EditingCommands = EditingCommands {
 
 /// Why the run does not go on while its scenario is edited.
 pub const RUN_WAITS: Availability =
-    Availability::After("Save and run what is edited (F5), or go back to the run (Ctrl+E)");
+    Availability::After(Hint::by("Save and run what is edited, or go back to the run", &EDIT));
 
 fn push(context: &mut CommandContext<'_, '_>, action: EditAction) {
     context.actions.push(UiAction::Edit(action));
@@ -95,8 +105,8 @@ fn push(context: &mut CommandContext<'_, '_>, action: EditAction) {
 fn may_edit(_: &UiState, shown: &ViewModel<'_>) -> Availability {
     match (shown.city, shown.replay.is_some()) {
         (CityKind::Local, false) => Availability::Now,
-        (CityKind::Local, true) => Availability::After("Open its scenario to edit it (Ctrl+O)"),
-        _ => Availability::After(ONLY_LOCAL),
+        (CityKind::Local, true) => Availability::After(Hint::by("Open its scenario to edit it", &OPEN)),
+        _ => Availability::After(Hint::new(ONLY_LOCAL)),
     }
 }
 
@@ -108,6 +118,6 @@ fn has_stated(state: &UiState, shown: &ViewModel<'_>) -> Availability {
     let Some(edit) = &shown.edit else { return Availability::Never };
     match state.selection.vehicle.and_then(|id| edit.vehicle(id)) {
         Some(_) => Availability::Now,
-        None => Availability::After("Click a vehicle first that the file states"),
+        None => Availability::After(Hint::new("Click a vehicle first that the file states")),
     }
 }

@@ -1,6 +1,6 @@
 //! Actions that open files and runs.
 
-use super::{Availability, Command, ctrl, registry};
+use super::{Availability, Command, Hint, ctrl, registry};
 use crate::ui::runs::{FilePurpose, ONLY_LOCAL};
 use crate::ui::{CityKind, UiAction, UiState, ViewModel};
 use egui::Key;
@@ -23,7 +23,7 @@ registry!(
 );
 
 fn is_local(_: &UiState, shown: &ViewModel<'_>) -> Availability {
-    if shown.city == CityKind::Local { Availability::Now } else { Availability::After(ONLY_LOCAL) }
+    if shown.city == CityKind::Local { Availability::Now } else { Availability::After(Hint::new(ONLY_LOCAL)) }
 }
 
 fn may_run_again(_: &UiState, shown: &ViewModel<'_>) -> Availability {

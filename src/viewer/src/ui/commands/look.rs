@@ -1,7 +1,7 @@
 //! Actions on the appearance: theme, size, units, quality and time of day.
 
 use super::{Command, CommandContext, ctrl, registry};
-use crate::ui::{Preferences, QualityPreset, SpeedUnit, StatusColours, Theme, UiAction};
+use crate::ui::{DecimalSeparator, Preferences, QualityPreset, SpeedUnit, StatusColours, Theme, UiAction};
 use egui::Key;
 
 registry!(
@@ -29,6 +29,13 @@ registry!(
     METRE_PER_SECOND = Command::always("Speeds in m/s", &[], |c| unit(c, SpeedUnit::MetrePerSecond)),
     LAB_METRE_PER_SECOND =
         Command::always("Speeds in m/s of the laboratory", &[], |c| unit(c, SpeedUnit::LabMetrePerSecond)),
+    DECIMAL = Command::always("Switch between decimal point and decimal comma", &[], |c| {
+        let decimal = &mut c.state.preferences.decimal;
+        *decimal = match *decimal {
+            DecimalSeparator::Point => DecimalSeparator::Comma,
+            DecimalSeparator::Comma => DecimalSeparator::Point,
+        };
+    }),
     LOW = Command::always("Quality: low", &[], |c| quality(c, QualityPreset::Low)),
     MEDIUM = Command::always("Quality: medium", &[], |c| quality(c, QualityPreset::Medium)),
     HIGH = Command::always("Quality: high", &[], |c| quality(c, QualityPreset::High)),

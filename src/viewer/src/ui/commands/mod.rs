@@ -1,11 +1,14 @@
 //! The registry of actions (command pattern): what the user can do, by which key, and when. Keys, palette, help and
 //! tips are made from it, so that an action is one entry in one of the lists below.
 
+mod binding;
 mod bookmarks;
 mod camera;
 mod driving;
 mod editing;
 mod files;
+mod hint;
+pub mod key_map;
 mod look;
 mod panels;
 mod run;
@@ -13,23 +16,30 @@ mod shortcut;
 mod time;
 mod vehicles;
 
+pub use binding::{Binding, KeyUse, Scope};
+pub use hint::Hint;
+pub use key_map::{KeyMap, bindings};
 pub use shortcut::{Shortcut, ctrl, key, shift};
 
 use super::timeline::TimelineView;
 use super::{CityKind, UiAction, UiState, ViewModel};
 use city3d_session::Order;
 use city3d_session::playback::PlaybackCommand;
-use egui::{Key, Modifiers};
+use egui::{Context, Key, Modifiers};
 
 /// An action of the window.
 #[derive(Clone, Copy, Debug)]
 pub struct Command {
     /// What it does: an imperative, in the words of the field.
     pub name: &'static str,
-    /// Keys that run it; the first one is shown.
-    pub keys: &'static [Shortcut],
+    /// Keys that run it until the user assigns others; the first one is shown.
+    pub usual_keys: &'static [Shortcut],
     /// A held key runs it again and again.
     pub repeats: bool,
+    /// Its key works while a dialog or the palette is open.
+    pub is_in_dialogs: bool,
+    scope: Scope,
+    is_fixed: bool,
     is_available: fn(&UiState, &ViewModel<'_>) -> Availability,
     run: fn(&mut CommandContext<'_, '_>),
 }
@@ -39,8 +49,8 @@ pub struct Command {
 pub enum Availability {
     /// It can be run.
     Now,
-    /// Something has to be done first; the sentence says what.
-    After(&'static str),
+    /// Something has to be done first; the hint says what.
+    After(Hint),
     /// This window never has it, or it makes no sense at present.
     Never,
 }
@@ -89,7 +99,9 @@ pub struct Section {
     pub title: &'static str,
     /// Its actions.
     pub commands: &'static [&'static Command],
-    /// Mouse and held keys, which are not actions: what is used, and what it does.
+    /// What acts while a key is held.
+    pub held: &'static [&'static Binding],
+    /// Use of the mouse, which is no action: what is used, and what it does.
     pub gestures: &'static [(&'static str, &'static str)],
     /// Whether a window of this kind has them.
     is_here: fn(&ViewModel<'_>) -> bool,
@@ -97,7 +109,11 @@ pub struct Section {
 
 impl Section {
     const fn new(title: &'static str, commands: &'static [&'static Command]) -> Self {
-        Self { title, commands, gestures: &[], is_here: |_| true }
+        Self { title, commands, held: &[], gestures: &[], is_here: |_| true }
+    }
+
+    const fn holding(self, held: &'static [&'static Binding]) -> Self {
+        Self { held, ..self }
     }
 
     const fn with(self, gestures: &'static [(&'static str, &'static str)]) -> Self {
@@ -112,6 +128,12 @@ impl Section {
     pub fn is_in(&self, shown: &ViewModel<'_>) -> bool {
         (self.is_here)(shown)
     }
+
+    /// Everything in it that a key can be assigned to.
+    pub fn bindings(&self) -> impl Iterator<Item = Binding> {
+        let held = self.held.iter().map(|held| **held);
+        self.commands.iter().map(|command| command.binding()).chain(held)
+    }
 }
 
 /// All actions. Of two with one key, the first that is available runs.
@@ -121,26 +143,26 @@ pub static SECTIONS: [Section; 10] = [
     Section::new("Run", run::ALL).only(|shown| shown.replay.is_none()),
     Section::new("Files", files::ALL),
     Section::new("Editing", editing::ALL).with(editing::GESTURES).only(|shown| shown.replay.is_none()),
-    Section::new("Camera", camera::ALL).with(camera::GESTURES),
+    Section::new("Camera", camera::ALL).holding(camera::HELD).with(camera::GESTURES),
     Section::new("Bookmarks", bookmarks::ALL),
     Section::new("Vehicles", vehicles::ALL).with(vehicles::GESTURES),
-    Section::new("Driving", driving::ALL).with(driving::GESTURES).only(|shown| shown.replay.is_none()),
+    Section::new("Driving", driving::ALL).holding(driving::HELD).only(|shown| shown.replay.is_none()),
     Section::new("Panels", panels::ALL),
     Section::new("Appearance", look::ALL),
 ];
 
-pub use camera::MODES as CAMERA_MODES;
-pub use driving::{CONTROLLERS, TAKE_CONTROL};
+pub use camera::{CAMERA_KEYS, MODES as CAMERA_MODES};
+pub use driving::{CONTROLLERS, DRIVING_KEYS, INDICATE_LEFT, INDICATE_RIGHT, RELEASE, REVERSE, TAKE_CONTROL};
 pub use editing::EDITING;
 pub use files::OPEN;
 pub use look::{LARGER, SMALLER};
-pub use panels::{CAMERAS, EVENTS, HELP, MENU as PANEL_MENU, SETTINGS, VIDEO};
+pub use panels::{CAMERAS, EVENTS, HELP, LABELS, MAP, MENU as PANEL_MENU, PALETTE, SETTINGS, VIDEO};
 pub use run::{FASTER, REAL_TIME, RESET, SLOWER, START_OR_PAUSE, STEP};
 pub use time::{
-    GRAVE_EVENT, NEXT_EVENT, PLAY_BACKWARD, PLAY_OR_PAUSE, PREVIOUS_EVENT, STEP_BACK, STEP_FORWARD, TO_END,
-    TO_START,
+    GRAVE_EVENT, LEAP_BACK, LEAP_FORWARD, NEXT_EVENT, PLAY_BACKWARD, PLAY_OR_PAUSE, PREVIOUS_EVENT,
+    REPLAY_FASTER, REPLAY_SLOWER, STEP_BACK, STEP_FORWARD, TO_END, TO_START,
 };
-pub use vehicles::PREVIEW;
+pub use vehicles::{FOLLOW, PREVIEW};
 
 /// Every action, in the order in which keys look for theirs.
 pub fn all() -> impl Iterator<Item = &'static Command> {
@@ -151,15 +173,39 @@ impl Command {
     /// An action that is always available.
     const fn always(
         name: &'static str,
-        keys: &'static [Shortcut],
+        usual_keys: &'static [Shortcut],
         run: fn(&mut CommandContext<'_, '_>),
     ) -> Self {
-        Self { name, keys, repeats: false, is_available: |_, _| Availability::Now, run }
+        Self {
+            name,
+            usual_keys,
+            repeats: false,
+            is_in_dialogs: false,
+            scope: Scope::ALL,
+            is_fixed: false,
+            is_available: |_, _| Availability::Now,
+            run,
+        }
     }
 
     /// The same, but available only where the function says so.
     const fn only(self, is_available: fn(&UiState, &ViewModel<'_>) -> Availability) -> Self {
         Self { is_available, ..self }
+    }
+
+    /// The same, but its key works in these situations alone.
+    const fn within(self, scope: Scope) -> Self {
+        Self { scope, ..self }
+    }
+
+    /// The same, but its key works while a dialog is open, too.
+    const fn in_dialogs(self) -> Self {
+        Self { is_in_dialogs: true, ..self }
+    }
+
+    /// The same, but with a key that dialogs know too, so that it stays.
+    const fn fixed(self) -> Self {
+        Self { is_fixed: true, ..self }
     }
 
     /// The same, but repeated while its key is held.
@@ -176,26 +222,28 @@ impl Command {
     pub fn run(&self, context: &mut CommandContext<'_, '_>) {
         match self.availability(context.state, context.shown) {
             Availability::Now => (self.run)(context),
-            Availability::After(what) => context.state.say(what, context.now_s),
+            Availability::After(hint) => {
+                let what = hint.words(&context.state.keys);
+                context.state.say(what, context.now_s);
+            }
             Availability::Never => {}
         }
     }
 
-    /// The first key in words; empty where it has none.
-    pub fn key(&self) -> String {
-        self.keys.first().map(Shortcut::words).unwrap_or_default()
+    /// What its key can be, and where it works.
+    pub fn binding(&self) -> Binding {
+        let key_use = if self.is_fixed { KeyUse::Fixed } else { KeyUse::Pressed };
+        Binding { name: self.name, usual: self.usual_keys, scope: self.scope, key_use }
     }
 
-    /// All keys in words.
-    pub fn all_keys(&self) -> String {
-        let keys: Vec<String> = self.keys.iter().map(Shortcut::words).collect();
-        keys.join(" or ")
+    /// Its first key in words; empty where it has none.
+    pub fn key(&self, context: &Context) -> String {
+        key_map::of(context).first(&self.binding())
     }
 
-    /// A tip with the key behind it.
-    pub fn tip(&self, text: &str) -> String {
-        let key = self.key();
-        if key.is_empty() { text.to_owned() } else { format!("{text} ({key})") }
+    /// A tip with its key behind it.
+    pub fn tip(&self, context: &Context, text: &str) -> String {
+        key_map::of(context).tip(text, self)
     }
 }
 
@@ -210,7 +258,10 @@ pub fn of_key(
     let choices = [modifiers, without_shift];
     let tried = if modifiers.shift { &choices[..] } else { &choices[..1] };
     tried.iter().find_map(|modifiers| {
-        let with_key = || all().filter(|c| c.keys.iter().any(|k| k.is_pressed(pressed, *modifiers)));
+        let has_key = |command: &&'static Command| {
+            state.keys.keys(&command.binding()).iter().any(|key| key.is_pressed(pressed, *modifiers))
+        };
+        let with_key = || all().filter(has_key);
         let runs = |wanted: fn(Availability) -> bool| {
             with_key().find(|command| wanted(command.availability(state, shown)))
         };
@@ -218,6 +269,12 @@ pub fn of_key(
             .or_else(|| runs(|availability| matches!(availability, Availability::After(_))))
     })
 }
+
+/// Not while a person drives, who has to see the present.
+const WATCHING: Scope = Scope::LIVE.and(Scope::EDITING).and(Scope::PLAYED);
+
+/// Not in a replay.
+const NOT_PLAYED: Scope = Scope::LIVE.and(Scope::DRIVING).and(Scope::EDITING);
 
 /// Only a local city is stepped, and keeps another time than the clock's.
 fn is_local_run(_: &UiState, shown: &ViewModel<'_>) -> Availability {

@@ -1,7 +1,7 @@
 //! Actions on panels, overlays and the window itself.
 
-use super::{Availability, Command, CommandContext, ctrl, key, registry};
-use crate::ui::{ColourBy, Panel, UiAction, VideoKind, preview};
+use super::{Availability, Command, CommandContext, Hint, ctrl, key, registry};
+use crate::ui::{ColourBy, Panel, SettingsPage, UiAction, VideoKind, VideoRequest, preview};
 use egui::Key;
 
 registry!(
@@ -24,6 +24,9 @@ registry!(
     }),
     SETTINGS = Command::always("Settings: theme, size, units", &[ctrl(Key::Comma)], |c| {
         c.state.open.settings = !c.state.open.settings;
+    }),
+    KEYS = Command::always("Settings: assign keys", &[], |c| {
+        (c.state.open.settings, c.state.settings_page) = (true, SettingsPage::Keys);
     }),
     SECOND_VIEW = Command::always("Show or hide a second view of the city", &[], |c| view(c, 0)),
     THIRD_VIEW = Command::always("Show or hide a third view of the city", &[], |c| view(c, 1)),
@@ -74,10 +77,13 @@ registry!(
         c.state.open.charts = !c.state.open.charts;
     }),
     VIDEO = Command::always("Record a video, or end it", &[key(Key::F9)], |c| {
-        c.actions.push(UiAction::Video(VideoKind::AsSeen));
+        video(c, VideoKind::AsSeen);
+    }),
+    VIDEO_SUBJECT = Command::always("Switch videos between the whole window and the city alone", &[], |c| {
+        c.state.video_subject = c.state.video_subject.other();
     }),
     TIME_LAPSE = Command::always("Record a time-lapse", &[], |c| {
-        c.actions.push(UiAction::Video(VideoKind::TimeLapse { every_s: c.state.lapse_s }));
+        video(c, VideoKind::TimeLapse { every_s: c.state.lapse_s });
     })
     .only(|_, shown| Availability::when(shown.video.is_none())),
     SAVE_CHART = Command::always("Save the chart as SVG, PNG and CSV", &[], |c| {
@@ -85,7 +91,7 @@ registry!(
     })
     .only(|state, _| match state.open.charts {
         true => Availability::Now,
-        false => Availability::After("Open the charts first (F6)"),
+        false => Availability::After(Hint::by("Open the charts first", &CHARTS)),
     }),
     BOXES = Command::always("Show or hide boxes", &[], |c| c.state.layers.boxes = !c.state.layers.boxes),
     TRACKS = Command::always("Show or hide driven paths", &[], |c| {
@@ -121,12 +127,17 @@ registry!(
     MEASURE = Command::always("Measure lengths", &[], |c| c.state.measure.begin(None)),
     SCREENSHOT = Command::always("Save a screenshot", &[key(Key::F12)], |c| {
         c.actions.push(UiAction::Screenshot);
-    }),
-    QUIT = Command::always("Quit", &[ctrl(Key::Q)], |c| c.actions.push(UiAction::Quit)),
+    })
+    .in_dialogs(),
+    QUIT = Command::always("Quit", &[ctrl(Key::Q)], |c| c.actions.push(UiAction::Quit)).in_dialogs(),
 );
 
 /// Panels and pages that the menu of the bar lists.
 pub static MENU: [&Command; 6] = [&VEHICLES, &CAMERAS, &EVENTS, &TRAFFIC, &CHARTS, &LAYERS];
+
+fn video(context: &mut CommandContext<'_, '_>, kind: VideoKind) {
+    context.actions.push(UiAction::Video(VideoRequest { subject: context.state.video_subject, kind }));
+}
 
 fn view(context: &mut CommandContext<'_, '_>, index: usize) {
     let is_open = &mut context.state.open.views[index];

@@ -1,6 +1,8 @@
 //! Actions on a run that goes on.
 
-use super::{Availability, Command, ctrl, is_live, is_local_run, key, registry, shift};
+use super::{
+    Availability, Command, Hint, NOT_PLAYED, Scope, ctrl, is_live, is_local_run, key, registry, shift,
+};
 use crate::ui::bar::other_speed;
 use crate::ui::{UiState, ViewModel, run_until};
 use city3d_session::playback::MarkKind;
@@ -12,38 +14,52 @@ registry!(
         let runs = c.shown.run_state.phase == RunPhase::Running;
         c.order(if runs { Order::Pause } else { Order::Start });
     })
-    .only(can_run),
-    STEP =
-        Command::always("One step (usually 10 ms)", &[key(Key::N)], |c| c.order(Order::Step)).only(can_step),
-    RESET = Command::always("Reset the run", &[ctrl(Key::R)], |c| c.order(Order::Reset)).only(is_live),
+    .only(can_run)
+    .within(GOING_ON),
+    STEP = Command::always("One step (usually 10 ms)", &[key(Key::N)], |c| c.order(Order::Step))
+        .only(can_step)
+        .within(GOING_ON),
+    RESET = Command::always("Reset the run", &[ctrl(Key::R)], |c| c.order(Order::Reset))
+        .only(is_live)
+        .within(NOT_PLAYED),
     FASTER = Command::always("Run faster", &[key(Key::Plus), key(Key::Equals)], |c| {
         c.order(Order::Speed(other_speed(c.shown.run_state.speed, true)));
     })
-    .only(is_local_run),
+    .only(is_local_run)
+    .within(NOT_PLAYED),
     SLOWER = Command::always("Run slower", &[key(Key::Minus)], |c| {
         c.order(Order::Speed(other_speed(c.shown.run_state.speed, false)));
     })
-    .only(is_local_run),
+    .only(is_local_run)
+    .within(NOT_PLAYED),
     REAL_TIME = Command::always("Run in real time", &[], |c| c.order(Order::Speed(Speed::Times(1.0))))
-        .only(is_local_run),
+        .only(is_local_run)
+        .within(NOT_PLAYED),
     SOME_STEPS = Command::always("Run the chosen number of steps", &[shift(Key::N)], |c| {
         let steps = c.state.run_until.steps();
         c.order(Order::RunUntil(run_until::after_steps(c.shown, steps)));
     })
-    .only(can_step),
+    .only(can_step)
+    .within(GOING_ON),
     UNTIL_COLLISION = Command::always("Run until the next collision", &[], |c| {
         c.order(Order::RunUntil(RunGoal::Event(Some(MarkKind::Collision))));
     })
-    .only(can_run),
+    .only(can_run)
+    .within(GOING_ON),
     UNTIL_EVENT = Command::always("Run until the next event", &[], |c| {
         c.order(Order::RunUntil(RunGoal::Event(None)));
     })
-    .only(can_run),
+    .only(can_run)
+    .within(GOING_ON),
     UNLIMITED = Command::always("Run as fast as possible", &[], |c| c.order(Order::Speed(Speed::Unlimited)))
-        .only(is_local_run),
+        .only(is_local_run)
+        .within(NOT_PLAYED),
 );
 
-const FAILED: Availability = Availability::After("The run has failed. Reset it first (Ctrl+R).");
+/// While the scenario is edited, its run waits.
+const GOING_ON: Scope = Scope::LIVE.and(Scope::DRIVING);
+
+const FAILED: Availability = Availability::After(Hint::by("The run has failed. Reset it first.", &RESET));
 
 fn can_run(state: &UiState, shown: &ViewModel<'_>) -> Availability {
     if shown.edit.is_some() {

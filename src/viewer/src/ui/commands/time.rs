@@ -1,6 +1,6 @@
 //! Actions on the time that is shown: the playback of a recorded run, and looking back in one that goes on.
 
-use super::{Availability, Command, CommandContext, key, registry, shift};
+use super::{Availability, Command, CommandContext, Hint, RELEASE, Scope, WATCHING, key, registry, shift};
 use crate::ui::timeline::{self, ShownTime, TimelineRange, TimelineView};
 use crate::ui::{UiState, ViewModel};
 use city3d_session::playback::{PlaybackCommand, Playhead};
@@ -13,52 +13,62 @@ registry!(
     PLAY_OR_PAUSE = Command::always("Play or pause", &[key(Key::Space)], |c| {
         with_head(c, |head| if head.is_playing { PlaybackCommand::Pause } else { PlaybackCommand::Play });
     })
-    .only(is_played),
+    .only(is_played)
+    .within(Scope::PLAYED),
     PLAY_BACKWARD = Command::always("Play backward", &[key(Key::J)], |c| c.play(PlaybackCommand::Reverse))
-        .only(looks_back),
+        .only(looks_back)
+        .within(WATCHING),
     STEP_BACK = Command::always("One recorded step back", &[key(Key::Comma)], |c| {
         c.play(PlaybackCommand::Step { forward: false });
     })
     .only(looks_back)
+    .within(WATCHING)
     .repeating(),
     STEP_FORWARD = Command::always("One recorded step forward", &[key(Key::Period), key(Key::N)], |c| {
         c.play(PlaybackCommand::Step { forward: true });
     })
     .only(is_played)
+    .within(Scope::PLAYED)
     .repeating(),
     LEAP_BACK = Command::always("5 seconds back", &[key(Key::ArrowLeft)], |c| {
         with_head(c, |head| PlaybackCommand::Seek(head.at_s - LEAP_S));
     })
     .only(is_played)
+    .within(Scope::PLAYED)
     .repeating(),
     LEAP_FORWARD = Command::always("5 seconds forward", &[key(Key::ArrowRight)], |c| {
         with_head(c, |head| PlaybackCommand::Seek(head.at_s + LEAP_S));
     })
     .only(is_played)
+    .within(Scope::PLAYED)
     .repeating(),
     PREVIOUS_EVENT =
         Command::always("Go to the previous event", &[key(Key::OpenBracket), shift(Key::ArrowLeft)], |c| {
             to_event(c, false);
         })
         .only(looks_back)
+        .within(WATCHING)
         .repeating(),
     NEXT_EVENT =
         Command::always("Go to the next event", &[key(Key::CloseBracket), shift(Key::ArrowRight)], |c| {
             to_event(c, true);
         })
         .only(is_played)
+        .within(Scope::PLAYED)
         .repeating(),
     TO_START = Command::always("Go to the start", &[key(Key::Home)], |c| {
         with_head(c, |head| PlaybackCommand::Seek(head.from_s));
     })
-    .only(looks_back),
+    .only(looks_back)
+    .within(WATCHING),
     TO_END = Command::always("Go to the end, or back to the present", &[key(Key::End)], |c| {
         match c.timeline.shown {
             ShownTime::Past => c.play(PlaybackCommand::Live),
             _ => with_head(c, |head| PlaybackCommand::Seek(head.to_s)),
         }
     })
-    .only(is_played),
+    .only(is_played)
+    .within(Scope::PLAYED),
     GRAVE_EVENT = Command::always("Go to the last collision, long stop or lost link", &[key(Key::G)], |c| {
         if let Some(command) = timeline::to_grave_event(c.timeline, c.state) {
             c.play(command);
@@ -66,16 +76,23 @@ registry!(
     })
     .only(|state, shown| match state.events.last_grave(shown.events) {
         Some(_) => looks_back(state, shown),
-        None => Availability::After("No vehicle has collided, stopped for long or lost its link so far"),
-    }),
+        None => {
+            Availability::After(Hint::new(
+                "No vehicle has collided, stopped for long or lost its link so far",
+            ))
+        }
+    })
+    .within(WATCHING),
     REPLAY_FASTER = Command::always("Play faster", &[key(Key::Plus), key(Key::Equals)], |c| {
         with_head(c, |head| PlaybackCommand::Speed(head.other_speed(true)));
     })
-    .only(is_played),
+    .only(is_played)
+    .within(Scope::PLAYED),
     REPLAY_SLOWER = Command::always("Play slower", &[key(Key::Minus)], |c| {
         with_head(c, |head| PlaybackCommand::Speed(head.other_speed(false)));
     })
-    .only(is_played),
+    .only(is_played)
+    .within(Scope::PLAYED),
     WHOLE_RUN = Command::always("Show the whole run on the timeline", &[], |c| {
         c.state.section = TimelineRange::default();
     })
@@ -96,7 +113,9 @@ fn is_played(_: &UiState, shown: &ViewModel<'_>) -> Availability {
 /// Available in the present, too; who drives has to see it.
 fn looks_back(state: &UiState, _: &ViewModel<'_>) -> Availability {
     match state.driving {
-        Some(_) => Availability::After("You drive: release the vehicle (Enter) to look at the past"),
+        Some(_) => {
+            Availability::After(Hint::by("You drive: release the vehicle to look at the past", &RELEASE))
+        }
         None => Availability::Now,
     }
 }

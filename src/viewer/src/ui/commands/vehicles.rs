@@ -1,6 +1,6 @@
 //! Actions on vehicles.
 
-use super::{Availability, Command, CommandContext, key, registry};
+use super::{Availability, Command, CommandContext, Hint, key, registry};
 use crate::ui::{UiAction, UiState, ViewModel};
 use city3d_protocol::snapshot::VehicleId;
 use egui::Key;
@@ -30,7 +30,8 @@ registry!(
         &[key(Key::Escape)],
         close
     )
-    .only(|state, _| Availability::when(has_something_to_close(state))),
+    .only(|state, _| Availability::when(has_something_to_close(state)))
+    .fixed(),
 );
 
 /// Use of the mouse.
@@ -49,7 +50,9 @@ pub(super) fn with_selection(state: &UiState, shown: &ViewModel<'_>) -> Availabi
     match (state.selection.vehicle, shown.run_state.now.vehicles.is_empty()) {
         (Some(_), _) => Availability::Now,
         (None, true) => Availability::Never,
-        (None, false) => Availability::After("Click a vehicle first, or press Page Down"),
+        (None, false) => {
+            Availability::After(Hint::by("Click a vehicle first, or select the next one", &NEXT))
+        }
     }
 }
 

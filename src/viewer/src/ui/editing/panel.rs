@@ -1,11 +1,11 @@
 //! The panel of the editor: the file, the tools, the selected vehicle, and what is wrong.
 
 use super::{EditAction, EditTool, EditView, choose, push};
-use crate::ui::commands::EDITING;
+use crate::ui::commands::{Command, EDITING};
 use crate::ui::runs::FilePurpose;
-use crate::ui::{UiAction, UiState, ViewModel};
+use crate::ui::{UiAction, UiState, ViewModel, theme};
 use city3d_simulation::scenario::{ScenarioDocument, StatedVehicle, VehicleEdit};
-use egui::{Button, ComboBox, DragValue, Grid, RichText, ScrollArea, TextEdit, Ui};
+use egui::{Button, ComboBox, Grid, RichText, ScrollArea, TextEdit, Ui};
 
 /// Highest initial speed, laboratory m/s, as the format has it.
 const FASTEST_MPS: f64 = 2.0;
@@ -42,26 +42,27 @@ fn file(ui: &mut Ui, state: &mut UiState, edit: &EditView<'_>, actions: &mut Vec
     ui.add(egui::Label::new(RichText::new(format!("{}{mark}", edit.name)).strong()).truncate())
         .on_hover_text(place);
     ui.horizontal_wrapped(|ui| {
-        if enabled(ui, edit.can_undo, "Undo", &EDITING.undo.key()) {
+        if enabled(ui, edit.can_undo, "Undo", EDITING.undo) {
             push(actions, EditAction::Undo);
         }
-        if enabled(ui, edit.can_redo, "Redo", &EDITING.redo.key()) {
+        if enabled(ui, edit.can_redo, "Redo", EDITING.redo) {
             push(actions, EditAction::Redo);
         }
-        if enabled(ui, edit.is_changed || edit.file.is_none(), "Save", &EDITING.save.key()) {
+        if enabled(ui, edit.is_changed || edit.file.is_none(), "Save", EDITING.save) {
             push(actions, EditAction::Save);
         }
-        if ui.button("Save as...").on_hover_text(EDITING.save_as.key()).clicked() {
+        if ui.button("Save as...").on_hover_text(EDITING.save_as.key(ui.ctx())).clicked() {
             state.runs.browse(FilePurpose::SaveScenario { runs: false });
         }
         let may_run = edit.problems.is_empty() && !edit.is_checking;
-        if enabled(ui, may_run, "Save and run", &EDITING.run.key()) {
+        if enabled(ui, may_run, "Save and run", EDITING.run) {
             push(actions, EditAction::Run);
         }
     });
 }
 
-fn enabled(ui: &mut Ui, is_enabled: bool, text: &str, key: &str) -> bool {
+fn enabled(ui: &mut Ui, is_enabled: bool, text: &str, action: &Command) -> bool {
+    let key = action.key(ui.ctx());
     ui.add_enabled(is_enabled, Button::new(text)).on_hover_text(key).clicked()
 }
 
@@ -69,23 +70,23 @@ fn tools(ui: &mut Ui, state: &mut UiState, edit: &EditView<'_>, actions: &mut Ve
     let selected = state.selection.vehicle.filter(|id| edit.vehicle(*id).is_some());
     ui.horizontal_wrapped(|ui| {
         let is_on = state.editing.tool == EditTool::AddVehicle;
-        let tip = format!("Click a lane to put a vehicle on it ({})", EDITING.add.key());
+        let tip = EDITING.add.tip(ui.ctx(), "Click a lane to put a vehicle on it");
         if ui.selectable_label(is_on, "Add vehicle").on_hover_text(tip).clicked() {
             choose(state, EditTool::AddVehicle);
         }
         let is_on = state.editing.tool == EditTool::AddObstacle;
-        let tip = format!("Click a lane to park a vehicle in the way ({})", EDITING.obstacle.key());
+        let tip = EDITING.obstacle.tip(ui.ctx(), "Click a lane to park a vehicle in the way");
         if ui.selectable_label(is_on, "Add obstacle").on_hover_text(tip).clicked() {
             choose(state, EditTool::AddObstacle);
         }
         let is_on = state.editing.tool == EditTool::DrawRoute;
-        let tip = format!("Click the lanes that it follows ({})", EDITING.route.key());
+        let tip = EDITING.route.tip(ui.ctx(), "Click the lanes that it follows");
         let draw = ui.add_enabled(selected.is_some(), Button::selectable(is_on, "Draw route"));
         if draw.on_hover_text(tip).clicked() {
             choose(state, EditTool::DrawRoute);
         }
         let remove = ui.add_enabled(selected.is_some(), Button::new("Remove"));
-        if remove.on_hover_text(EDITING.remove.key()).clicked()
+        if remove.on_hover_text(EDITING.remove.key(ui.ctx())).clicked()
             && let Some(id) = selected
         {
             push(actions, EditAction::Remove(id));
@@ -196,7 +197,7 @@ fn number(
     let kept = ui.scope_id().with(("edited", label));
     let mut new = ui.data(|data| data.get_temp::<f64>(kept)).unwrap_or(value);
     let label = ui.label(label).on_hover_text(tip).id;
-    let field = DragValue::new(&mut new).range(range).speed(0.01).max_decimals(3).suffix(unit);
+    let field = theme::number_field(&mut new).range(range).speed(0.01).max_decimals(3).suffix(unit);
     let field = ui.add(field).labelled_by(label);
     if field.dragged() || field.has_focus() {
         ui.data_mut(|data| data.insert_temp(kept, new));

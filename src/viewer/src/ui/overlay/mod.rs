@@ -4,7 +4,7 @@
 mod roads;
 mod vehicles;
 
-pub(super) use roads::{CROSSING, EDITED, LANE, MERGE, body_colour, whole_lane};
+pub(super) use roads::{CROSSING, EDITED, LANE, MANY_ROUTES, MERGE, ROUTES_APART, body_colour, whole_lane};
 pub(super) use vehicles::{CLOSE_GAP, CLOSE_S, DRIVEN, FRUSTUM, GAP, MEASURED, PLANNED, bumper_gap, corners};
 
 use super::layers::Canvas;

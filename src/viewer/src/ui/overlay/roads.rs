@@ -8,6 +8,7 @@ use city3d_render::{Overlay, OverlayPaint};
 use city3d_roadmap::{CityMap, LaneId, ZoneKind};
 use egui::Color32;
 use glam::DVec3;
+use std::collections::{BTreeMap, BTreeSet};
 
 /// Sampling step of lines along lanes.
 const STEP_M: f64 = 2.0;
@@ -21,9 +22,14 @@ pub const MERGE: Color32 = Color32::from_rgb(255, 180, 60);
 pub const CROSSING: Color32 = Color32::from_rgb(255, 90, 80);
 /// Colour of what the editor's tools are at, and of the route that is drawn.
 pub const EDITED: Color32 = Color32::from_rgb(255, 220, 90);
-/// Routes of different vehicles lie beside one another: so many places, so far apart.
-const ROUTE_PLACES: u32 = 7;
+/// Routes on a lane lie beside one another, so far apart, as long as they are no more than this.
+pub const ROUTES_APART: usize = 7;
 const ROUTE_SPACING_M: f64 = 0.4;
+/// More of them are one line in this colour, whose width grows with their number.
+pub const MANY_ROUTES: Color32 = Color32::from_rgb(205, 205, 215);
+const MANY_ROUTES_WIDTH: f32 = 2.5;
+const WIDTH_OF_ROUTE: f32 = 0.12;
+const WIDEST_ROUTES: f32 = 9.0;
 
 /// Adds the layers of roads that are visible.
 pub fn add(overlay: &mut Overlay, state: &UiState, shown: &ViewModel<'_>) {
@@ -100,16 +106,11 @@ fn across(map: &CityMap, lane: LaneId, at_m: f64) -> [DVec3; 2] {
     [0.5, -0.5].map(|share| above(pose.point_at(0.0, share * lane.width_m)))
 }
 
-/// Routes: those of all vehicles thin and beside one another, that of the selected one wide, with its own colour and a white
-/// edge, on top of them.
+/// Routes: those of all vehicles, and on top of them that of the selected one, wide, with its own colour and a white edge.
 fn routes(overlay: &mut Overlay, state: &UiState, shown: &ViewModel<'_>) {
     let selected = state.selection.vehicle;
     if state.layers.all_routes {
-        for vehicle in &shown.interpolated.vehicles {
-            if selected != Some(vehicle.id) {
-                route(overlay, shown, vehicle.id, (1.6, paint(body_colour(shown, vehicle.id), 0.55)));
-            }
-        }
+        all_routes(overlay, selected, shown);
     }
     if let Some(id) =
         selected.filter(|_| state.layers.routes || state.layers.all_routes || shown.edit.is_some())
@@ -120,14 +121,38 @@ fn routes(overlay: &mut Overlay, state: &UiState, shown: &ViewModel<'_>) {
     }
 }
 
+/// Routes of all vehicles but one, lane by lane: a few thin ones beside one another in the colours of the bodies, so that
+/// none hides another; many as one line.
+fn all_routes(overlay: &mut Overlay, but: Option<VehicleId>, shown: &ViewModel<'_>) {
+    let mut on_lanes: BTreeMap<LaneId, Vec<VehicleId>> = BTreeMap::new();
+    for vehicle in shown.interpolated.vehicles.iter().filter(|vehicle| Some(vehicle.id) != but) {
+        for lane in lanes_of(shown, vehicle.id) {
+            on_lanes.entry(lane).or_default().push(vehicle.id);
+        }
+    }
+    for (lane, vehicles) in on_lanes {
+        let count = vehicles.len();
+        if count > ROUTES_APART {
+            let width = (MANY_ROUTES_WIDTH + WIDTH_OF_ROUTE * count as f32).min(WIDEST_ROUTES);
+            overlay.polyline(&whole_lane(shown.map, lane), width, paint(MANY_ROUTES, 0.8));
+            continue;
+        }
+        for (place, id) in vehicles.into_iter().enumerate() {
+            let left_m = (place as f64 - (count - 1) as f64 / 2.0) * ROUTE_SPACING_M;
+            let points = line(shown.map, lane, whole(shown.map, lane), left_m);
+            overlay.polyline(&points, 1.6, paint(body_colour(shown, id), 0.55));
+        }
+    }
+}
+
+/// The lanes of a vehicle's route, each once.
+fn lanes_of(shown: &ViewModel<'_>, id: VehicleId) -> BTreeSet<LaneId> {
+    shown.routes.get(&id).into_iter().flatten().copied().collect()
+}
+
 fn route(overlay: &mut Overlay, shown: &ViewModel<'_>, id: VehicleId, (width, paint): (f32, OverlayPaint)) {
-    let mut lanes = shown.routes.get(&id).cloned().unwrap_or_default();
-    lanes.sort_unstable();
-    lanes.dedup();
-    let place = f64::from(id.0 % ROUTE_PLACES) - f64::from(ROUTE_PLACES - 1) / 2.0;
-    for lane in lanes {
-        let points = line(shown.map, lane, whole(shown.map, lane), place * ROUTE_SPACING_M);
-        overlay.polyline(&points, width, paint);
+    for lane in lanes_of(shown, id) {
+        overlay.polyline(&whole_lane(shown.map, lane), width, paint);
     }
 }
 

@@ -1,7 +1,7 @@
 //! What the palette lists: the actions of the registry, and choices that only the city's state knows.
 
 use crate::ui::bar::{SPEEDS, speed_label};
-use crate::ui::commands::{self, Availability, Command, CommandContext};
+use crate::ui::commands::{self, Availability, Command, CommandContext, KeyMap};
 use crate::ui::{UiAction, UiState, ViewModel};
 use city3d_protocol::snapshot::VehicleId;
 use city3d_session::{Order, Speed};
@@ -42,15 +42,18 @@ impl Entry {
         Self { name, key: String::new(), availability: Availability::Now, does }
     }
 
-    fn action(command: &'static Command, availability: Availability) -> Self {
-        Self { name: command.name.to_owned(), key: command.key(), availability, does: Deed::Command(command) }
+    fn action(command: &'static Command, availability: Availability, keys: &KeyMap) -> Self {
+        let key = keys.first(&command.binding());
+        Self { name: command.name.to_owned(), key, availability, does: Deed::Command(command) }
     }
 }
 
 /// The rows that have all words, the best match first. Without words the actions alone: vehicles may be many.
 pub(super) fn matching(words: &str, state: &UiState, shown: &ViewModel<'_>) -> Vec<Entry> {
     let words = words.trim().to_lowercase();
-    let actions = commands::all().map(|command| Entry::action(command, command.availability(state, shown)));
+    let action =
+        |command: &'static Command| Entry::action(command, command.availability(state, shown), &state.keys);
+    let actions = commands::all().map(action);
     let choices = if words.is_empty() { Vec::new() } else { choices(state, shown) };
     let mut found: Vec<_> = actions
         .chain(choices)
@@ -75,8 +78,9 @@ fn choices(state: &UiState, shown: &ViewModel<'_>) -> Vec<Entry> {
     });
     let has_speed = commands::REAL_TIME.availability(state, shown) == Availability::Now;
     let speeds = SPEEDS.into_iter().filter(|_| has_speed).map(Speed::Times);
-    let speeds =
-        speeds.map(|speed| Entry::choice(format!("Run at {}", speed_label(speed)), Deed::Speed(speed)));
+    let speeds = speeds.map(|speed| {
+        Entry::choice(format!("Run at {}", speed_label(speed, state.preferences.decimal)), Deed::Speed(speed))
+    });
     vehicles.chain(scenarios).chain(speeds).collect()
 }
 

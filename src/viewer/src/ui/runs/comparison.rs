@@ -1,9 +1,14 @@
-//! Two runs side by side, by the measures of their summaries.
+//! Two runs side by side: by the measures of their summaries, and by the curves of their vehicles in one chart.
 
-use super::super::{UiAction, UiState, ViewModel};
+use super::super::charts;
+use super::super::{Preferences, SpeedUnit, UiAction, UiState, ViewModel};
 use super::{FilePurpose, RunEntry};
-use city3d_logbook::measures::MeasurePair;
-use egui::{Align, Layout, RichText, ScrollArea, Ui};
+use city3d_geometry::LengthScale;
+use city3d_logbook::figures::Quantity;
+use city3d_logbook::figures::chart::Figure;
+use city3d_logbook::measures::{MeasurePair, MeasureUnit};
+use city3d_protocol::snapshot::VehicleId;
+use egui::{Align, ComboBox, Layout, RichText, ScrollArea, Ui};
 use egui_extras::{Column, TableBuilder};
 
 /// Two runs with their measures.
@@ -17,12 +22,42 @@ pub struct ComparedRuns {
     pub note: Option<String>,
 }
 
+/// The pages of the window.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+enum ComparisonPage {
+    #[default]
+    Measures,
+    Curves,
+}
+
+/// Which curves of two runs are wanted.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct CurveChoice {
+    /// What is drawn over time.
+    pub quantity: Quantity,
+    /// The vehicle; `None` for the first that both runs have.
+    pub vehicle: Option<VehicleId>,
+}
+
+/// The curves of two runs as they are known.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct CurvesView<'a> {
+    /// The figure; `None` until both runs are read.
+    pub figure: Option<&'a Figure>,
+    /// Vehicles that both runs have, with their names.
+    pub vehicles: &'a [(VehicleId, String)],
+    /// Why there is no figure.
+    pub trouble: Option<&'a str>,
+}
+
 /// State of the window.
 #[derive(Clone, Debug, Default)]
 pub struct ComparisonPanel {
     is_open: bool,
     /// `None` while the other run is chosen.
     compared: Option<ComparedRuns>,
+    page: ComparisonPage,
+    curves: CurveChoice,
 }
 
 impl ComparisonPanel {
@@ -34,6 +69,7 @@ impl ComparisonPanel {
     /// Shows two runs.
     pub fn show(&mut self, compared: ComparedRuns) {
         (self.is_open, self.compared) = (true, Some(compared));
+        self.curves.vehicle = None;
     }
 
     /// The runs that are shown; `None` while the other one is chosen.
@@ -45,12 +81,19 @@ impl ComparisonPanel {
     pub fn is_open(&self) -> bool {
         self.is_open
     }
+
+    /// The curves on display.
+    pub fn shown_curves(&self) -> Option<CurveChoice> {
+        let is_shown = self.is_open && self.compared.is_some() && self.page == ComparisonPage::Curves;
+        is_shown.then_some(self.curves)
+    }
 }
 
 const ROW_HEIGHT: f32 = 18.0;
 
 /// Shows the window while it is open.
 pub(super) fn window(ui: &Ui, state: &mut UiState, shown: &ViewModel<'_>, actions: &mut Vec<UiAction>) {
+    let preferences = state.preferences;
     let panel = &mut state.runs.comparison;
     if !panel.is_open {
         return;
@@ -68,8 +111,15 @@ pub(super) fn window(ui: &Ui, state: &mut UiState, shown: &ViewModel<'_>, action
                 if let Some(note) = &compared.note {
                     ui.label(RichText::new(note).color(ui.visuals().warn_fg_color));
                 }
-                chooses = ui.button("Another run ...").clicked();
-                table(ui, &compared.pairs);
+                ui.horizontal(|ui| {
+                    ui.selectable_value(&mut panel.page, ComparisonPage::Measures, "Measures");
+                    ui.selectable_value(&mut panel.page, ComparisonPage::Curves, "Curves");
+                    chooses = ui.button("Another run ...").clicked();
+                });
+                match panel.page {
+                    ComparisonPage::Measures => table(ui, &compared.pairs, (preferences, shown.scale())),
+                    ComparisonPage::Curves => curves(ui, &mut panel.curves, shown.runs.curves),
+                }
             }
             None => browses = choices(ui, shown, actions),
         }
@@ -106,10 +156,21 @@ fn choices(ui: &mut Ui, shown: &ViewModel<'_>, actions: &mut Vec<UiAction>) -> b
     browses
 }
 
-fn table(ui: &mut Ui, pairs: &[MeasurePair]) {
-    let number = |value: Option<f64>, pair: &MeasurePair| {
-        value.map_or_else(|| "-".to_owned(), |value| format!("{value:.*}", pair.digits))
-    };
+/// How a measure is shown: its unit, the factor to it, and its decimals.
+fn shown_in(pair: &MeasurePair, units: SpeedUnit, scale: LengthScale) -> (&'static str, f64, usize) {
+    match pair.unit {
+        MeasureUnit::Count => ("", 1.0, pair.digits),
+        MeasureUnit::Seconds => ("s", 1.0, pair.digits),
+        MeasureUnit::Metres => ("m", 1.0, pair.digits),
+        MeasureUnit::Millilitres => ("ml", 1.0, pair.digits),
+        MeasureUnit::MetresPerSecond => {
+            (units.label(), units.of(1.0, scale), pair.digits + units.more_digits())
+        }
+    }
+}
+
+fn table(ui: &mut Ui, pairs: &[MeasurePair], (preferences, scale): (Preferences, LengthScale)) {
+    let decimal = preferences.decimal;
     let builder = TableBuilder::new(ui)
         .striped(true)
         .auto_shrink(false)
@@ -124,22 +185,67 @@ fn table(ui: &mut Ui, pairs: &[MeasurePair]) {
     table.body(|body| {
         body.rows(ROW_HEIGHT, pairs.len(), |mut line| {
             let pair = &pairs[line.index()];
-            let unit = if pair.unit.is_empty() { String::new() } else { format!(", {}", pair.unit) };
+            let (unit, factor, digits) = shown_in(pair, preferences.units, scale);
+            let unit = if unit.is_empty() { String::new() } else { format!(", {unit}") };
             let of = pair.vehicle.as_ref().map_or_else(String::new, |name| format!("{name}: "));
             line.col(|ui| _ = ui.label(format!("{of}{}{unit}", pair.quantity)));
             for value in pair.values {
-                line.col(|ui| _ = ui.monospace(number(value, pair)));
+                let text =
+                    value.map_or_else(|| "-".to_owned(), |value| decimal.fixed(value * factor, digits));
+                line.col(|ui| _ = ui.monospace(text));
             }
             line.col(|ui| {
-                let text = pair.difference().map(|difference| format!("{difference:+.*}", pair.digits));
+                let text = pair.difference().map(|difference| format!("{:+.digits$}", difference * factor));
                 // No difference is said without a sign.
                 let is_zero = text.as_deref().is_some_and(|text| text.parse() == Ok(0.0));
                 _ = ui.monospace(match text {
                     Some(_) if is_zero => "0".to_owned(),
-                    Some(text) => text,
+                    Some(text) => decimal.written(text),
                     None => "-".to_owned(),
                 });
             });
         });
     });
+}
+
+/// One quantity of one vehicle in both runs.
+fn curves(ui: &mut Ui, choice: &mut CurveChoice, view: CurvesView<'_>) {
+    if let Some(trouble) = view.trouble {
+        ui.label(trouble);
+        return;
+    }
+    let Some(figure) = view.figure else {
+        ui.horizontal(|ui| {
+            ui.spinner();
+            ui.label("Both runs are being read ...");
+        });
+        return;
+    };
+    ui.horizontal(|ui| {
+        ComboBox::from_id_salt("curve")
+            .selected_text(choice.quantity.label())
+            .width(130.0)
+            .show_ui(ui, |ui| {
+                for quantity in Quantity::ALL {
+                    ui.selectable_value(&mut choice.quantity, quantity, quantity.label());
+                }
+            })
+            .response
+            .on_hover_text("What is drawn over time");
+        let name = |(id, name): &(VehicleId, String)| format!("{id} {name}");
+        let present = choice.vehicle.or(view.vehicles.first().map(|(id, _)| *id));
+        let present_name =
+            view.vehicles.iter().find(|(id, _)| Some(*id) == present).map_or_else(String::new, name);
+        ComboBox::from_id_salt("curve of")
+            .selected_text(present_name)
+            .width(150.0)
+            .show_ui(ui, |ui| {
+                for vehicle in view.vehicles {
+                    ui.selectable_value(&mut choice.vehicle, Some(vehicle.0), name(vehicle));
+                }
+            })
+            .response
+            .on_hover_text("A vehicle that both runs have");
+    });
+    charts::draw_over_time(ui, figure);
 }

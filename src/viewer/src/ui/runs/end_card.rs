@@ -1,6 +1,7 @@
 //! The card of a finished run: what came of it, and what to do next.
 
-use super::super::{CityKind, UiAction, UiState, ViewModel};
+use super::super::commands::START_OR_PAUSE;
+use super::super::{CityKind, DecimalSeparator, UiAction, UiState, ViewModel};
 use super::fields::seed;
 use city3d_logbook::measures::RunMeasures;
 use city3d_protocol::snapshot::Status;
@@ -31,18 +32,22 @@ pub(super) fn window(ui: &Ui, state: &mut UiState, shown: &ViewModel<'_>, action
     }
     let measures = RunMeasures::of(outcome);
     let units = state.preferences.units;
-    let mean_speed = format!("{} {}", units.number(measures.mean_speed_mps, shown.scale()), units.label());
+    let decimal = state.preferences.decimal;
+    let mean_speed = units.number(measures.mean_speed_mps, shown.scale(), decimal);
+    let mean_speed = format!("{mean_speed} {}", units.label());
     let mut is_open = true;
     let mut compares = false;
     let window = super::super::sheet(ui, "Run finished").collapsible(false).open(&mut is_open);
     window.show(ui.ctx(), |ui| {
         ui.set_max_width(430.0);
         ui.label(format!(
-            "{}, seed {}: {:.1} s simulated",
-            measures.scenario, measures.seed, measures.simulated_s
+            "{}, seed {}: {} s simulated",
+            measures.scenario,
+            measures.seed,
+            decimal.fixed(measures.simulated_s, 1)
         ));
         ui.add_space(4.0);
-        results(ui, &measures, &mean_speed);
+        results(ui, &measures, &mean_speed, decimal);
         if run_state.now.vehicles.iter().any(|vehicle| vehicle.status == Status::Collided) {
             ui.label("Vehicles that have collided stay where they are: a new run puts all of them back.");
         }
@@ -56,8 +61,11 @@ pub(super) fn window(ui: &Ui, state: &mut UiState, shown: &ViewModel<'_>, action
             }
             compares =
                 ui.button("Compare with ...").on_hover_text("Another recorded run, side by side").clicked();
-            let tip =
-                format!("Simulate beyond the {} s of the scenario, until paused (Space)", shown.duration_s);
+            let tip = format!(
+                "Simulate beyond the {} s of the scenario, until paused",
+                decimal.plain(shown.duration_s)
+            );
+            let tip = START_OR_PAUSE.tip(ui.ctx(), &tip);
             if !run_state.has_ended && ui.button("Continue").on_hover_text(tip).clicked() {
                 actions.push(UiAction::Order(Order::Start));
             }
@@ -74,7 +82,7 @@ pub(super) fn window(ui: &Ui, state: &mut UiState, shown: &ViewModel<'_>, action
     }
 }
 
-fn results(ui: &mut Ui, measures: &RunMeasures, mean_speed: &str) {
+fn results(ui: &mut Ui, measures: &RunMeasures, mean_speed: &str, decimal: DecimalSeparator) {
     let longest = measures.vehicles.values().max_by(|a, b| a.longest_stand_s.total_cmp(&b.longest_stand_s));
     Grid::new("results").num_columns(2).spacing([18.0, 3.0]).show(ui, |ui| {
         let mut row = |name: &str, value: String, is_bad: bool| {
@@ -87,7 +95,11 @@ fn results(ui: &mut Ui, measures: &RunMeasures, mean_speed: &str) {
         row("Stops", measures.stops().to_string(), false);
         row("Mean speed", mean_speed.to_owned(), false);
         if let Some(vehicle) = longest.filter(|vehicle| vehicle.longest_stand_s >= 0.1) {
-            row("Longest stand", format!("{:.1} s, {}", vehicle.longest_stand_s, vehicle.name), false);
+            row(
+                "Longest stand",
+                format!("{} s, {}", decimal.fixed(vehicle.longest_stand_s, 1), vehicle.name),
+                false,
+            );
         }
     });
 }

@@ -1,6 +1,7 @@
 //! Fields of what replaces values of a scenario: seed, environment, dynamics model, duration, time of day.
 
 use super::super::bar::{TIMES, time_label};
+use super::super::theme::typed;
 use city3d_protocol::snapshot::ModelKind;
 use city3d_simulation::environment::EnvironmentProfile;
 use city3d_simulation::scenario::{MOST_SEED, Overrides};
@@ -41,7 +42,7 @@ impl OpenFields {
     pub fn overrides(&self) -> Result<Overrides, String> {
         let is_set = |text: &str| !text.trim().is_empty();
         let seconds = |text: &str| {
-            let seconds = text.trim().parse().ok().filter(|seconds| DURATIONS_S.contains(seconds));
+            let seconds = typed(text).filter(|seconds| DURATIONS_S.contains(seconds));
             seconds.ok_or_else(|| "The duration is a number of seconds from 0.01 to 86400.".to_owned())
         };
         Ok(Overrides {
@@ -117,6 +118,8 @@ mod tests {
             OpenFields { seed: " 7 ".to_owned(), duration: "12.5".to_owned(), ..OpenFields::default() };
         let overrides = fields.overrides().unwrap();
         assert_eq!((overrides.seed, overrides.duration_s), (Some(7), Some(12.5)));
+        let with_comma = OpenFields { duration: "12,5".to_owned(), ..OpenFields::default() };
+        assert_eq!(with_comma.overrides().unwrap().duration_s, Some(12.5));
         for (seed, duration, right) in [("-1", "", "whole number"), ("", "0", "0.01"), ("", "nan", "0.01")] {
             let fields =
                 OpenFields { seed: seed.to_owned(), duration: duration.to_owned(), ..OpenFields::default() };

@@ -10,7 +10,7 @@ mod pictures;
 mod question;
 mod start_page;
 
-pub use comparison::{ComparedRuns, ComparisonPanel};
+pub use comparison::{ComparedRuns, ComparisonPanel, CurveChoice, CurvesView};
 pub use end_card::EndCard;
 pub use fields::OpenFields;
 pub use file_panel::{FilePanel, FilePurpose};
@@ -67,6 +67,8 @@ pub struct RunsView<'a> {
     pub lists: &'a StartLists,
     /// The scenario that is shown can be run again from here.
     pub may_run_again: bool,
+    /// Curves of the two runs that are compared.
+    pub curves: CurvesView<'a>,
 }
 
 /// State of these panels.

@@ -1,5 +1,6 @@
 //! The start page: cards of the shipped scenarios, recent files and recorded runs.
 
+use super::super::commands::OPEN;
 use super::super::{ScenarioChoice, UiAction, UiState, ViewModel};
 use super::{FilePurpose, OpenFields, OpenRequest, RunEntry, pictures, short_path};
 use egui::{
@@ -54,7 +55,7 @@ pub(super) fn show(ui: &Ui, state: &mut UiState, shown: &ViewModel<'_>, actions:
                 ui.horizontal(|ui| {
                     browses = ui
                         .button("Open file ...")
-                        .on_hover_text("A scenario, a map or a log (Ctrl+O)")
+                        .on_hover_text(OPEN.tip(ui.ctx(), "A scenario, a map or a log"))
                         .clicked();
                     is_closed = ui.button("Close").on_hover_text("Back to the city (Esc)").clicked();
                 });

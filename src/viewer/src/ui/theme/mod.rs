@@ -1,7 +1,9 @@
 //! Themes: colours of panels, texts and statuses.
 
+mod decimal;
 mod preferences;
 
+pub use decimal::{DecimalSeparator, typed};
 pub use preferences::{Preferences, SCALES, SpeedUnit, StatusColours, Theme};
 
 use city3d_protocol::snapshot::Status;
@@ -19,6 +21,13 @@ pub(super) fn apply(context: &Context, preferences: Preferences) {
     context.set_theme(theme);
     context.set_visuals_of(theme, visuals);
     context.set_zoom_factor(preferences.scale);
+    let decimal = preferences.decimal;
+    context.all_styles_mut(|style| {
+        let written = move |number: f64, decimals: std::ops::RangeInclusive<usize>| {
+            decimal.written(egui::emath::format_with_decimals_in_range(number, decimals))
+        };
+        style.number_formatter = egui::style::NumberFormatter::new(written);
+    });
     // Ctrl with + and - are actions.
     context.options_mut(|options| options.zoom_with_keyboard = false);
     context.data_mut(|data| data.insert_temp(Id::unique(KEY), preferences));
@@ -29,6 +38,16 @@ const KEY: &str = "preferences";
 
 fn of(context: &Context) -> Option<Preferences> {
     context.data(|data| data.get_temp(Id::unique(KEY)))
+}
+
+/// How numbers are written in a context.
+pub fn decimal(context: &Context) -> DecimalSeparator {
+    of(context).unwrap_or_default().decimal
+}
+
+/// A field for a number, which takes a decimal point and a decimal comma.
+pub fn number_field<N: egui::emath::Numeric>(number: &mut N) -> egui::DragValue<'_> {
+    egui::DragValue::new(number).custom_parser(typed)
 }
 
 /// Background of the panels in a context. The painter clears to it; the panels do not paint it.

@@ -1,6 +1,8 @@
 //! Preferences of the user: theme, status colours, scale of the interface, and units. All are kept in the settings.
 
-use city3d_geometry::LengthScale;
+use super::DecimalSeparator;
+use city3d_geometry::{LengthScale, trig};
+use city3d_logbook::figures::FigureScale;
 use serde::{Deserialize, Serialize};
 
 /// What the user prefers, in every window.
@@ -15,11 +17,19 @@ pub struct Preferences {
     pub scale: f32,
     /// Unit of speeds.
     pub units: SpeedUnit,
+    /// How numbers are written.
+    pub decimal: DecimalSeparator,
 }
 
 impl Default for Preferences {
     fn default() -> Self {
-        Self { theme: Theme::Dark, colours: StatusColours::Usual, scale: 1.0, units: SpeedUnit::KmPerHour }
+        Self {
+            theme: Theme::Dark,
+            colours: StatusColours::Usual,
+            scale: 1.0,
+            units: SpeedUnit::KmPerHour,
+            decimal: DecimalSeparator::Point,
+        }
     }
 }
 
@@ -119,18 +129,32 @@ impl SpeedUnit {
         }
     }
 
-    /// A speed with its unit, as a driver reads it.
-    pub fn dashboard(self, speed_mps: f64, scale: LengthScale) -> String {
-        let digits = if self == Self::LabMetrePerSecond { 2 } else { 0 };
-        format!("{:.digits$} {}", self.of(speed_mps, scale), self.label())
+    /// Decimals that it needs beyond those of the other units: speeds of the laboratory are small.
+    pub fn more_digits(self) -> usize {
+        if self == Self::LabMetrePerSecond { 2 } else { 0 }
     }
 
-    /// A speed as a number in this unit. Speeds of the laboratory are small, and have two decimals more.
-    pub fn number(self, speed_mps: f64, scale: LengthScale) -> String {
+    /// The scale of a figure with this unit.
+    pub fn figure_scale(self) -> FigureScale {
+        match self {
+            Self::KmPerHour => FigureScale::City,
+            Self::MetrePerSecond => FigureScale::CityMetresPerSecond,
+            Self::LabMetrePerSecond => FigureScale::Laboratory,
+        }
+    }
+
+    /// A speed with its unit, as a driver reads it.
+    pub fn dashboard(self, speed_mps: f64, scale: LengthScale, decimal: DecimalSeparator) -> String {
+        format!("{} {}", decimal.fixed(self.of(speed_mps, scale), self.more_digits()), self.label())
+    }
+
+    /// A speed as a number in this unit.
+    pub fn number(self, speed_mps: f64, scale: LengthScale, decimal: DecimalSeparator) -> String {
         let value = self.of(speed_mps, scale);
-        let (digits, steps) = if self == Self::LabMetrePerSecond { (3, 1000.0) } else { (1, 10.0) };
+        let digits = 1 + self.more_digits();
+        let steps = trig::powi(10.0, digits as u32);
         // Without a negative zero.
-        format!("{:.digits$}", (value * steps).round() / steps + 0.0)
+        decimal.fixed((value * steps).round() / steps + 0.0, digits)
     }
 }
 
@@ -150,8 +174,8 @@ mod tests {
     #[test]
     fn a_speed_is_told_in_each_unit() {
         let scale = LengthScale::default();
-        let told = SpeedUnit::ALL.map(|(unit, _)| unit.number(10.0, scale));
+        let told = SpeedUnit::ALL.map(|(unit, _)| unit.number(10.0, scale, DecimalSeparator::Point));
         assert_eq!(told, ["36.0", "10.0", "0.400"]);
-        assert_eq!(SpeedUnit::KmPerHour.number(-0.001, scale), "0.0");
+        assert_eq!(SpeedUnit::KmPerHour.number(-0.001, scale, DecimalSeparator::Comma), "0,0");
     }
 }

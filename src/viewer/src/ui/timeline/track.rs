@@ -1,7 +1,7 @@
 //! The track of the timeline: the bar with its playhead, event marks and times.
 
 use super::super::events::{colour, go_to, name};
-use super::super::{UiAction, UiState, ViewModel};
+use super::super::{UiAction, UiState, ViewModel, theme};
 use super::{ShownTime, TimelineRange, TimelineView};
 use city3d_protocol::snapshot::VehicleId;
 use city3d_session::playback::{MarkKind, PlaybackCommand, Playhead, TimelineMark};
@@ -145,7 +145,8 @@ fn tooltip(
     replay: &TimelineView<'_>,
     at: Pos2,
 ) {
-    ui.strong(format!("{:.2} s", scale.time_s(at.x)));
+    let decimal = state.preferences.decimal;
+    ui.strong(format!("{} s", decimal.fixed(scale.time_s(at.x), 2)));
     let mut marks: Vec<&TimelineMark> = near(scale, state, replay, at.x).collect();
     // Lists the most severe ones, in order of time.
     marks.sort_by_key(|mark| std::cmp::Reverse(mark.what.kind()));
@@ -153,7 +154,8 @@ fn tooltip(
     marks.truncate(TOLD);
     marks.sort_by(|a, b| a.time_s.total_cmp(&b.time_s));
     for mark in marks {
-        let text = format!("{:.2}  {}  {}", mark.time_s, mark.what.label(), name(&shown.run_state.now, mark));
+        let time = decimal.fixed(mark.time_s, 2);
+        let text = format!("{time}  {}  {}", mark.what.label(), name(&shown.run_state.now, mark));
         ui.label(RichText::new(text).color(colour(ui.ctx(), mark.what.kind())));
     }
     if left > 0 {
@@ -269,13 +271,14 @@ fn times(ui: &Ui, painter: &egui::Painter, top: f32, scale: &TimeAxis) {
     let steps = [0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 30.0, 60.0, 120.0, 300.0, 600.0, 1200.0, 3600.0];
     let Some(step_s) = steps.into_iter().find(|step| *step >= least_s) else { return };
     let (weak, font) = (ui.visuals().weak_text_color(), FontId::proportional(10.0));
+    let decimal = theme::decimal(ui.ctx());
     let first = (scale.from_s / step_s - 1e-9).ceil() as u64;
     let last = ((scale.from_s + scale.span_s) / step_s + 1e-9).floor() as u64;
     for k in first..=last {
         let time_s = k as f64 * step_s;
         let x = scale.x(time_s);
         painter.vline(x, top..=top + 3.0, Stroke::new(1.0, weak));
-        let text = if step_s < 1.0 { format!("{time_s:.1}") } else { format!("{time_s:.0}") };
+        let text = decimal.fixed(time_s, usize::from(step_s < 1.0));
         let galley = painter.layout_no_wrap(text, font.clone(), weak);
         let (left, right) = (scale.rect.left() - MARGIN, scale.rect.right() + MARGIN - galley.size().x);
         let place = Align2::CENTER_TOP.anchor_size(Pos2::new(x, top + 2.0), galley.size());

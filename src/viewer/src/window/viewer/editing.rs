@@ -1,6 +1,7 @@
 //! Editing of the scenario in place of its run, which waits.
 
 use super::{ViewedRun, ViewerState, WindowRequest};
+use crate::ui::commands::EDITING;
 use crate::ui::runs::{FilePurpose, OpenRequest, Problem};
 use crate::ui::{EditAction, EditTool};
 use crate::window::editor::{ScenarioEditor, keep_unsaved};
@@ -66,7 +67,8 @@ impl ViewerState {
         self.past.go_live();
         self.edits = true;
         self.state.open.editor = true;
-        self.state.say("Editing: the run is paused. F5 saves and runs what is edited", now_s);
+        let said = "Editing: the run is paused. Save and run what is edited";
+        self.state.say(self.state.keys.tip(said, EDITING.run), now_s);
     }
 
     fn end_editing(&mut self) {

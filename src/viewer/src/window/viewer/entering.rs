@@ -1,6 +1,7 @@
 //! What the viewer shows next: another scenario or a log in place of the present run, and what becomes of that run.
 
 use super::super::WindowError;
+use super::super::compared_curves::{ComparedCurves, PresentRun};
 use super::super::figures::LiveFigures;
 use super::super::opening::{OpenTarget, Opening, log_in};
 use super::super::recorded_runs::recorded_runs;
@@ -9,7 +10,7 @@ use super::super::scenario_info::ScenarioInfo;
 use super::super::settings::runs_folder;
 use super::{ViewedRun, ViewerState, WindowRequest};
 use crate::ui::runs::{ComparedRuns, ONLY_LOCAL, OpenRequest, Problem, ResetQuestion};
-use crate::ui::{CityKind, LiveTraffic, ScenarioChoice};
+use crate::ui::{CityKind, DecimalSeparator, LiveTraffic, ScenarioChoice, commands};
 use city3d_logbook::figures::some_names;
 use city3d_logbook::measures::RunMeasures;
 use city3d_logbook::record::LogOrigin;
@@ -87,12 +88,13 @@ impl ViewerState {
                 return Some(WindowRequest::Open(Opening { hours: Some(self.state.look.hours), ..request }));
             }
             (ViewedRun::Ended(_), Order::Start | Order::Step | Order::RunUntil(_)) => {
-                self.state.say("This run has ended. Reset (Ctrl+R) begins it again.", now_s);
+                let said = self.state.keys.tip("This run has ended. Reset begins it again", &commands::RESET);
+                self.state.say(said, now_s);
             }
             (ViewedRun::Run(_), Order::Reset)
                 if run_state.now.tick > 0 && run_state.phase != RunPhase::Over =>
             {
-                let text = reset_text(&run_state, self.city);
+                let text = reset_text(&run_state, self.city, self.state.preferences.decimal);
                 self.state.runs.question = Some(ResetQuestion { text, is_new: true });
             }
             _ => {
@@ -204,6 +206,7 @@ impl ViewerState {
         self.traffic = LiveTraffic::new(&experiment);
         self.history = RunHistory::default();
         self.figures = LiveFigures::new(&experiment, LogOrigin::Run);
+        self.curves = ComparedCurves::default();
         self.past.go_live();
         self.experiment = experiment;
         let first = self.run_state();
@@ -267,7 +270,19 @@ impl ViewerState {
     /// Puts the measures of the present run beside those of another one.
     pub(super) fn compare_with(&mut self, other: &Path) {
         match self.compared_with(other) {
-            Ok(compared) => self.state.runs.comparison.show(compared),
+            Ok(compared) => {
+                self.state.runs.comparison.show(compared);
+                let present = match &self.source {
+                    ViewedRun::Log(_) => PresentRun::Log(PathBuf::from(&self.request.scenario)),
+                    ViewedRun::Run(_) | ViewedRun::Ended(_) => {
+                        let run_state = self.source.run_state();
+                        self.history.read(&run_state.history);
+                        let (builder, origin) = self.figures.run_so_far(&self.history);
+                        PresentRun::SoFar(Box::new(builder), origin)
+                    }
+                };
+                self.curves = ComparedCurves::begin(present, other, Arc::clone(&self.recording.on_update));
+            }
             Err(why) => {
                 self.state.runs.problem = Some(Problem::of_run("These runs cannot be compared", why));
             }
@@ -306,8 +321,8 @@ fn differences(present: &RunMeasures, other: &RunMeasures) -> Option<String> {
 }
 
 /// What a reset ends, and what stays of it.
-fn reset_text(run_state: &RunState, city: CityKind) -> String {
-    let at = format!("It is at {:.1} s.", run_state.now.time_s);
+fn reset_text(run_state: &RunState, city: CityKind, decimal: DecimalSeparator) -> String {
+    let at = format!("It is at {} s.", decimal.fixed(run_state.now.time_s, 1));
     match &run_state.folder {
         Some(folder) => {
             format!("{at} Its log stays in {}; the next run has a folder of its own.", folder.display())

@@ -4,6 +4,7 @@ use super::{CityKind, ViewedRun, ViewerState};
 use crate::ui::{self, Preview};
 use crate::window::settings::{ViewSettings, WatchedVehicles};
 use city3d_protocol::snapshot::VehicleId;
+use std::sync::Arc;
 
 impl ViewerState {
     /// Restores the stored settings.
@@ -12,6 +13,8 @@ impl ViewerState {
         let state = &mut self.state;
         (state.table, state.layers) = (settings.table.clone(), settings.layers);
         state.preferences = settings.preferences.sane();
+        state.video_subject = settings.video_subject;
+        state.keys = Arc::new(settings.keys.clone());
         if let Some(stored) = &settings.layout {
             (state.layout, state.open) = (ui::Layout::from(stored), stored.open);
         }
@@ -37,6 +40,8 @@ impl ViewerState {
         let state = &self.state;
         (settings.table, settings.layers) = (state.table.clone(), state.layers);
         settings.preferences = state.preferences;
+        settings.video_subject = state.video_subject;
+        settings.keys.clone_from(&state.keys);
         settings.layout = state.layout.stored(state.open);
         (settings.mode, settings.bookmarks) = (state.viewpoint.mode, state.bookmarks.clone());
         settings.recent.clone_from(&self.lists.recent);

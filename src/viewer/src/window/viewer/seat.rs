@@ -1,7 +1,7 @@
 //! The driver's seat: who may drive which vehicle from this window, and what a person who leaves it is told.
 
 use super::{ViewedRun, ViewerState};
-use crate::ui::{self, CameraMode, CityKind, ManualDrive};
+use crate::ui::{self, CameraMode, CityKind, KeyMap, ManualDrive, commands};
 use city3d_protocol::snapshot::{Status, VehicleId, VehicleInfo};
 use city3d_session::{Order, RunState};
 
@@ -68,22 +68,21 @@ impl ViewerState {
         let Some((vehicle, info)) = found else { return };
         let name = &info.name;
         if vehicle.status == Status::Collided {
-            self.state.say(stays_collided(name), now_s);
+            self.state.say(stays_collided(&self.state.keys, name), now_s);
         } else if ui::is_off_lanes(vehicle, info, &self.experiment.city_map) {
-            self.state.say(
-                format!(
-                    "{name} is off the lanes: its algorithm has no route from there, and stops it. \
-                     Drive it back onto a lane (Enter), or reset the run."
-                ),
-                now_s,
+            let text = format!(
+                "{name} is off the lanes: its algorithm has no route from there, and stops it. \
+                 Reset the run, or drive it back onto a lane"
             );
+            self.state.say(self.state.keys.tip(&text, &commands::TAKE_CONTROL), now_s);
         }
     }
 }
 
 /// What to do with a vehicle that has collided and is left alone.
-fn stays_collided(name: &str) -> String {
-    format!(
-        "{name} has collided and stays where it is. Drive it off (Enter; R reverses), or reset the run (Ctrl+R)."
-    )
+fn stays_collided(keys: &KeyMap, name: &str) -> String {
+    let drive = keys.tip("Drive it off", &commands::TAKE_CONTROL);
+    let reverse = keys.tip("with the reverse gear", &commands::REVERSE);
+    let reset = keys.tip("or reset the run", &commands::RESET);
+    format!("{name} has collided and stays where it is. {drive}, {reverse} if need be, {reset}.")
 }

@@ -5,8 +5,10 @@ use super::super::opening::{OpenTarget, Opening};
 use super::super::recording::LogLocation;
 use super::*;
 use crate::ui::QualityPreset;
-use crate::ui::runs::OpenRequest;
+use crate::ui::runs::{CurveChoice, OpenRequest};
 use crate::window::settings::ViewSettings;
+use city3d_logbook::figures::FigureScale;
+use city3d_logbook::figures::chart::Figure;
 use city3d_protocol::snapshot::VehicleId;
 use city3d_session::Order;
 use city3d_simulation::scenario::Overrides;
@@ -64,6 +66,21 @@ fn enter_log(viewer: &mut ViewerState, log: &Path) {
     viewer.enter_log(log, player, 0.0);
 }
 
+/// The curves of the two runs that are compared, once both are read.
+fn curves(viewer: &mut ViewerState, scale: FigureScale) -> Figure {
+    let start = Instant::now();
+    loop {
+        viewer.curves.update(CurveChoice::default(), scale);
+        let view = viewer.curves.view();
+        if let Some(figure) = view.figure {
+            return figure.clone();
+        }
+        assert_eq!(view.trouble, None);
+        assert!(start.elapsed() < Duration::from_secs(60), "the runs are not read");
+        std::thread::yield_now();
+    }
+}
+
 #[test]
 fn a_finished_run_is_replayed_from_its_whole_log_and_run_again_with_another_seed() {
     let folder = tempfile::tempdir().unwrap();
@@ -95,6 +112,18 @@ fn a_finished_run_is_replayed_from_its_whole_log_and_run_again_with_another_seed
     // Beside the first one, which has its summary.
     viewer.act(vec![UiAction::CompareWith(folder.path().join("run-1"))], 0.0);
     assert!(viewer.state.runs.comparison.is_open() && viewer.state.runs.problem.is_none());
+    let curves = curves(&mut viewer, FigureScale::CityMetresPerSecond);
+    assert_eq!(curves.panels[0].y_label, "Speed [m/s]");
+    let letters: Vec<&str> = curves.legend.iter().map(|entry| &entry.name[..1]).collect();
+    assert_eq!(letters, ["A", "B"]);
+    for line in &curves.panels[0].lines {
+        let end_s = line.points.last().unwrap().0;
+        assert!(
+            line.points.len() > 20 && (end_s - 3.0).abs() < 0.11,
+            "{} points to {end_s} s",
+            line.points.len()
+        );
+    }
     viewer.act(vec![UiAction::CompareWith(folder.path().to_path_buf())], 0.0);
     assert!(viewer.state.runs.problem.as_ref().unwrap().text.contains("there is no summary.json"));
     let recorded = viewer.close().unwrap();
@@ -246,5 +275,16 @@ fn who_leaves_a_vehicle_after_a_collision_is_told_what_to_do() {
     viewer.act(vec![UiAction::GiveBack], 0.0);
     let (said, _) = viewer.state.notice.clone().unwrap();
     assert!(said.contains("has collided and stays") && said.contains("Ctrl+R"), "{said}");
+    viewer.close().unwrap();
+}
+
+#[test]
+fn that_the_run_is_paused_is_said_once_to_who_takes_control() {
+    let mut viewer = viewer(request("straight", 5.0), LogLocation::Nowhere);
+    let vehicle = viewer.experiment.vehicles[0].id;
+    viewer.act(vec![UiAction::Drive(vehicle)], 0.0);
+    pass(&mut viewer);
+    assert_eq!(viewer.state.driven(), Some(vehicle));
+    assert_eq!(viewer.state.notice, None, "the dashboard says it");
     viewer.close().unwrap();
 }
