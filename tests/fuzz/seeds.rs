@@ -1,6 +1,7 @@
 //! Seeds of the corpus: small good inputs of each target, written as the program and its peers write them.
 
 use crate::targets::{MAP, dispatched, served};
+use city3d_geometry::{Frame, Pose2};
 use city3d_logbook::record::{LogOrigin, LogWriter, read_bag, read_poses};
 use city3d_logbook::replay::Replay;
 use city3d_logbook::verify::VerifyReport;
@@ -11,11 +12,12 @@ use city3d_network::ros::{
     TransformStamped, Vector3,
 };
 use city3d_protocol::snapshot::{
-    DecisionReason, Indicator, ModelKind, Pedals, Status, Trajectory, TrajectoryPoint, VehicleId, VehicleSpec,
+    CoordinationUpdate, DecisionReason, Indicator, ModelKind, NoPlan, Pedals, PlanPoint, PlannedPassage,
+    Status, Trajectory, TrajectoryPoint, VehicleId, VehicleSpec, ZoneCounts, ZoneState, ZoneVehicle,
 };
 use city3d_protocol::wire::{
-    Authenticator, Body, Decisions, ExperimentAction, ExperimentPhase, Measurement, ObservedVehicle, Poses,
-    VehicleBuild, VehicleDecision, VehicleSetup,
+    Authenticator, Body, Decisions, ExperimentAction, ExperimentPhase, Measurement, ObservedVehicle, Plans,
+    Poses, VehicleBuild, VehicleDecision, VehicleSetup,
 };
 use city3d_roadmap::{LabMap, load_map};
 use city3d_simulation::runner::Run;
@@ -128,6 +130,25 @@ fn decisions(vehicle: u32, other: u32) -> Body {
     Body::Decisions(Decisions { time_s: 0.0, vehicles: vec![one] })
 }
 
+/// A zone, a vehicle with a plan in it, one without, and one that has left.
+fn planning<F: Frame>(planned: u32, without: u32, left: u32) -> CoordinationUpdate<F> {
+    let pose = |y: u32| Pose2::new(1.5, f64::from(y), 0.25);
+    let point = |k: u32| PlanPoint { time_s: f64::from(k), pose: pose(k), speed_mps: 0.375 };
+    let motion = (0..3).map(point).collect();
+    let plan = PlannedPassage { enters_s: 3.0, leaves_s: 4.5, entry: pose(1), motion };
+    let of = |id, plan| ZoneVehicle { id: VehicleId(id), zone: 1, entered_s: 0.0, is_standing: false, plan };
+    let counts = ZoneCounts { plans: 7, replans: 2, infeasible: 1 };
+    CoordinationUpdate {
+        zones: vec![ZoneState { number: 1, name: "west".to_owned(), counts }],
+        vehicles: vec![of(planned, Ok(plan)), of(without, Err(NoPlan::Infeasible))],
+        left: vec![VehicleId(left)],
+    }
+}
+
+fn plans(planned: u32, without: u32, left: u32) -> Body {
+    Body::Plans(Plans { time_s: 0.0, update: planning(planned, without, left) })
+}
+
 fn trajectory(vehicle: u32, sequence: u32) -> Body {
     let map = lab_map();
     let point = |k: u32| TrajectoryPoint {
@@ -178,6 +199,7 @@ fn served_world() -> Vec<u8> {
     step(0, &command(ExperimentAction::Start));
     step(0, &trajectory(1, 1));
     step(0, &decisions(1, 2));
+    step(0, &plans(1, 2, 3));
     step(5, &measured(3));
     step(4, &drive(Some(gas)));
     step(4, &drive(None));
@@ -303,11 +325,12 @@ fn glbs() -> Vec<Seed> {
     named.map(|(name, document)| ("models", name.to_owned(), glb_of(&document, &buffer))).into()
 }
 
-/// A log of 10 ticks on the smallest map, with each kind of command.
-fn log(origin: LogOrigin) -> Vec<u8> {
+/// A log of 10 ticks on the smallest map, with each kind of command; with coordination, which tables say, also plans.
+fn log(origin: LogOrigin, tables: &str) -> Vec<u8> {
     let text = "name = \"seed\"\nduration_s = 1\n[[vehicle]]\nroute = [\"loop\"]\nat_m = 1\n";
     let library = Library::kept(small_map(), BTreeMap::new());
-    let experiment = read_experiment("seed.toml", text, &library, Overrides::default()).unwrap();
+    let text = format!("{text}{tables}");
+    let experiment = read_experiment("seed.toml", &text, &library, Overrides::default()).unwrap();
     let mut run = Run::new(Arc::new(experiment)).unwrap();
     let mut bytes = Cursor::new(Vec::new());
     let mut writer = LogWriter::new(&mut bytes, run.experiment(), origin, &std::env::temp_dir()).unwrap();
@@ -316,6 +339,9 @@ fn log(origin: LogOrigin) -> Vec<u8> {
         writer.tick(snapshot.tick, snapshot.time_s, snapshot.state_hash).unwrap();
         if snapshot.tick.is_multiple_of(5) {
             writer.snapshot(&snapshot).unwrap();
+        }
+        if snapshot.tick == 5 {
+            writer.plans(snapshot.tick, snapshot.time_s, &planning(1, 2, 3)).unwrap();
         }
         if snapshot.tick == 10 {
             break;
@@ -378,8 +404,9 @@ fn bare(log: &[u8]) -> Vec<u8> {
 }
 
 fn logs() -> Vec<Seed> {
-    let run = log(LogOrigin::Run);
-    vec![("logs", "compressed".to_owned(), run.clone()), ("logs", "bare".to_owned(), bare(&run))]
+    let named =
+        [("compressed", log(LogOrigin::Run, "")), ("bare", bare(&log(LogOrigin::Run, "[coordination]\n")))];
+    named.map(|(name, log)| ("logs", name.to_owned(), log)).into()
 }
 
 fn stamped() -> TransformStamped {

@@ -16,7 +16,7 @@ use city3d_network::ros::{
 use city3d_protocol::snapshot::{FrameSnapshot, VehicleId, VehicleState};
 use city3d_protocol::wire::{
     Authenticator, Body, DatagramHeader, Decisions, Denial, DenialReason, MAGIC, MAX_DATAGRAM_BYTES,
-    MAX_DETAIL_BYTES, UNIT_NORM, VERSION,
+    MAX_DETAIL_BYTES, Plans, UNIT_NORM, VERSION,
 };
 use city3d_roadmap::dxf::Drawing;
 use city3d_roadmap::{MAX_REPAIR_TOLERANCE_M, load_map, repair_map};
@@ -190,13 +190,17 @@ fn is_sendable(body: &Body) -> bool {
     datagram.is_ok_and(|datagram| Body::decode(&datagram, &Authenticator::Checksum).is_ok())
 }
 
-/// Panics for a decision that the city would show or pass on although it knows no such vehicle, or cannot.
+/// Panics for a decision or a plan that the city would show or pass on although it knows no such vehicle, or cannot.
 fn assert_relayable(world: &ServerWorld) {
-    let now_s = world.snapshot().time_s;
-    let told = world.decisions().at(now_s).unwrap_or_default();
+    let (now_s, scale) = (world.snapshot().time_s, world.experiment().scale);
+    let told = world.heard().decisions.at(now_s).unwrap_or_default();
     assert!(told.iter().all(|decision| world.owner(decision.vehicle).is_some()), "{told:?}");
-    let parts = Decisions::parts(now_s, &told, world.experiment().scale);
+    let parts = Decisions::parts(now_s, &told, scale);
     assert!(parts.into_iter().map(Body::ShownDecisions).all(|body| is_sendable(&body)));
+    let told = world.heard().plans.at(now_s).unwrap_or_default();
+    assert!(told.vehicles.iter().all(|vehicle| world.owner(vehicle.id).is_some()), "{told:?}");
+    let parts = Plans::parts(now_s, &told.into(), scale);
+    assert!(parts.into_iter().map(Body::ShownPlans).all(|body| is_sendable(&body)));
 }
 
 /// Panics for a snapshot out of order, or with a number that is not finite.
@@ -280,7 +284,7 @@ pub fn logs(data: &[u8]) {
             for chunk in 0..chunked.chunks().len().min(MOST_CHUNKS) {
                 let _ = chunked.read(chunk, EntryFilter::Snapshots);
                 let _ = chunked.read(chunk, EntryFilter::Events);
-                let _ = chunked.read(chunk, EntryFilter::Decisions);
+                let _ = chunked.read(chunk, EntryFilter::Control);
             }
         }
         if let Ok(mut replay) = Replay::open(path) {

@@ -298,10 +298,15 @@ fn classes_are_as_described() {
 #[test]
 fn files_of_a_run_are_as_described() {
     let folder = tempfile::tempdir().unwrap();
-    let folder: &Path = folder.path();
-    let mut run = Command::new(env!("CARGO_BIN_EXE_city3d"));
-    let output = run.args(["run", "straight", "--duration", "1", "--out"]).arg(folder).output().unwrap();
-    assert!(output.status.success(), "{output:?}");
+    let [folder, coordinated] = ["straight", "coordinated"].map(|name| folder.path().join(name));
+    for (scenario, seconds, folder) in
+        [("straight", "1", &folder), ("roundabout-coordinated", "8", &coordinated)]
+    {
+        let mut run = Command::new(env!("CARGO_BIN_EXE_city3d"));
+        let output =
+            run.args(["run", scenario, "--duration", seconds, "--out"]).arg(folder).output().unwrap();
+        assert!(output.status.success(), "{output:?}");
+    }
     let text = document("docs/outputs.md");
 
     let summary: serde_json::Value =
@@ -320,9 +325,9 @@ fn files_of_a_run_are_as_described() {
     assert_eq!(columns, first_cells(section(&text, "vehicles.csv")));
 
     let text = document("docs/log.md");
-    let log = std::fs::read(folder.join("run.mcap")).unwrap();
+    let logs = [folder, coordinated].map(|folder| std::fs::read(folder.join("run.mcap")).unwrap());
     let mut schemas = BTreeSet::new();
-    for message in mcap::MessageStream::new(&log).unwrap() {
+    for message in logs.iter().flat_map(|log| mcap::MessageStream::new(log).unwrap()) {
         let channel = message.unwrap().channel;
         let schema = channel.schema.clone().unwrap();
         let is_standard = schema.name.starts_with("geometry_msgs/");
@@ -333,7 +338,7 @@ fn files_of_a_run_are_as_described() {
         }
         schemas.insert(String::from_utf8(schema.data.to_vec()).unwrap());
     }
-    assert_eq!(schemas.len(), 5);
+    assert_eq!(schemas.len(), 6);
     let fences = blocks(&text, "");
     for schema in schemas {
         assert!(fences.iter().any(|block| block.trim() == schema.trim()), "not in docs/log.md:\n{schema}");

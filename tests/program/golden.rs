@@ -8,13 +8,14 @@ use crate::support::link;
 use city3d_geometry::Lab;
 use city3d_geometry::lab::Pose2;
 use city3d_protocol::snapshot::{
-    Appearance, Aspect, BodyType, DecisionReason, Drive, Indicator, ModelKind, Pedals, SignalAspects,
-    SignalHeadId, Status, Trajectory, TrajectoryPoint, VehicleId, VehicleInfo, VehicleSpec,
+    Appearance, Aspect, BodyType, CoordinationUpdate, DecisionReason, Drive, Indicator, ModelKind, NoPlan,
+    Pedals, PlanPoint, PlannedPassage, SignalAspects, SignalHeadId, Status, Trajectory, TrajectoryPoint,
+    VehicleId, VehicleInfo, VehicleSpec, ZoneCounts, ZoneState, ZoneVehicle,
 };
 use city3d_protocol::wire::{
     Authenticator, Body, CityClock, CityDescription, DatagramHeader, Decisions, Denial, DenialReason,
-    ExperimentAction, ExperimentPhase, Measurement, ObservedVehicle, Poses, RequestOutcome, VehicleBuild,
-    VehicleDecision, VehicleSetup,
+    ExperimentAction, ExperimentPhase, Measurement, ObservedVehicle, Plans, Poses, RequestOutcome,
+    VehicleBuild, VehicleDecision, VehicleSetup,
 };
 use city3d_simulation::environment::EnvironmentProfile;
 use city3d_simulation::runner::Run;
@@ -157,6 +158,7 @@ fn bodies() -> Vec<(String, Body)> {
     bodies.extend(describing());
     bodies.extend(signalling());
     bodies.extend(deciding());
+    bodies.extend(planning());
     bodies
 }
 
@@ -185,6 +187,36 @@ fn deciding() -> Vec<(String, Body)> {
         ("decisions".to_owned(), Body::Decisions(told.clone())),
         ("shown decisions".to_owned(), Body::ShownDecisions(told)),
     ]
+}
+
+/// A zone, vehicles with a plan and without one for each reason, and one that has left.
+fn planning() -> Vec<(String, Body)> {
+    let point = |k: u32| PlanPoint {
+        time_s: 2.5 + f64::from(k),
+        pose: Pose2::new(1.5, f64::from(k), 0.25),
+        speed_mps: 0.375,
+    };
+    let plan = PlannedPassage {
+        enters_s: 3.0,
+        leaves_s: 4.5,
+        entry: Pose2::new(1.5, 0.5, 0.25),
+        motion: (0..3).map(point).collect(),
+    };
+    let of = |plan: Result<PlannedPassage<Lab>, NoPlan>| ZoneVehicle {
+        id: VehicleId(7),
+        zone: 1,
+        entered_s: 1.25,
+        is_standing: plan.is_err(),
+        plan,
+    };
+    let counts = ZoneCounts { plans: 7, replans: 2, infeasible: 1 };
+    let update = CoordinationUpdate {
+        zones: vec![ZoneState { number: 1, name: "west".to_owned(), counts }],
+        vehicles: std::iter::once(Ok(plan)).chain(NoPlan::ALL.map(Err)).map(of).collect(),
+        left: vec![VehicleId(9)],
+    };
+    let told = Plans { time_s: 2.5, update };
+    vec![("plans".to_owned(), Body::Plans(told.clone())), ("shown plans".to_owned(), Body::ShownPlans(told))]
 }
 
 fn driving() -> Vec<(String, Body)> {

@@ -190,7 +190,11 @@ impl Replay {
                 let setup = arrival.vehicle.setup(&experiment.city_map, experiment.scale);
                 self.commands.push(SimCommand::Spawn(Box::new(Setup { speed_mps, ..setup })));
             }
-            LogEntry::Tick { .. } | LogEntry::Snapshot(_) | LogEntry::Event(_) | LogEntry::Decisions(_) => {}
+            LogEntry::Tick { .. }
+            | LogEntry::Snapshot(_)
+            | LogEntry::Event(_)
+            | LogEntry::Decisions(_)
+            | LogEntry::Plans(_) => {}
         }
         Ok(())
     }

@@ -1,31 +1,24 @@
-//! Send-on-delta sampling of decisions (report by exception, with a refresh): what logs and the link tell of them.
+//! Send-on-delta sampling of decisions: what logs and the link tell of them.
 
+use super::send_on_delta::{SampleStep, SampleTimer, SendOnDelta};
 use super::{Moment, decisions};
 use city3d_protocol::snapshot::{ControlDecision, DecisionReason, VehicleId};
-use std::collections::BTreeMap;
 
-/// Interval at which decisions are looked at, simulated seconds: reasons may change with every control step and back.
-const SAMPLE_INTERVAL_S: f64 = 0.1;
-/// A decision is told again after this time although nothing has changed, simulated seconds: numbers stay up to date, and
-/// who comes later hears of it.
+/// A decision is told again after this time although nothing has changed, simulated seconds.
 const REFRESH_INTERVAL_S: f64 = 0.5;
-/// Rounding error of times.
-const ROUNDING_S: f64 = 1e-6;
 
 /// Picks the decisions that are due: those of vehicles whose reason or other vehicle has changed, at once, and the others
 /// twice a second.
-#[derive(Debug, Default)]
+#[derive(Debug)]
 pub(crate) struct DecisionSampler {
-    /// When decisions were looked at last.
-    sampled_s: Option<f64>,
-    /// What was told last of each vehicle.
-    told: BTreeMap<VehicleId, Told>,
+    timer: SampleTimer,
+    vehicles: SendOnDelta<VehicleId, (DecisionReason, Option<VehicleId>)>,
 }
 
-#[derive(Clone, Copy, Debug)]
-struct Told {
-    at_s: f64,
-    what: (DecisionReason, Option<VehicleId>),
+impl Default for DecisionSampler {
+    fn default() -> Self {
+        Self { timer: SampleTimer::default(), vehicles: SendOnDelta::refreshed_after(REFRESH_INTERVAL_S) }
+    }
 }
 
 impl DecisionSampler {
@@ -36,26 +29,14 @@ impl DecisionSampler {
         time_s: f64,
         now: impl FnOnce() -> Option<Vec<ControlDecision>>,
     ) -> Vec<ControlDecision> {
-        match self.sampled_s {
-            // The clock was reset.
-            Some(before_s) if time_s < before_s => self.told.clear(),
-            Some(before_s) if time_s - before_s < SAMPLE_INTERVAL_S - ROUNDING_S => return Vec::new(),
-            _ => {}
+        match self.timer.step(time_s) {
+            SampleStep::Wait => return Vec::new(),
+            SampleStep::Look => {}
+            SampleStep::Restart => self.vehicles.restart(),
         }
-        self.sampled_s = Some(time_s);
-        let is_old = |told: &Told| time_s - told.at_s > REFRESH_INTERVAL_S - ROUNDING_S;
         let mut due = now().unwrap_or_default();
-        due.retain(|decision| {
-            let what = (decision.reason, decision.other);
-            let is_told = |told: &Told| told.what == what && !is_old(told);
-            let is_due = !self.told.get(&decision.vehicle).is_some_and(is_told);
-            if is_due {
-                self.told.insert(decision.vehicle, Told { at_s: time_s, what });
-            }
-            is_due
-        });
-        // Those that are old still are of vehicles that have left.
-        self.told.retain(|_, told| !is_old(told));
+        self.vehicles
+            .pick(time_s, &mut due, |decision| (decision.vehicle, (decision.reason, decision.other)));
         due.into_iter().map(ControlDecision::lasting).collect()
     }
 
@@ -64,7 +45,7 @@ impl DecisionSampler {
         let time_s = moment.snapshot.time_s;
         self.sample(time_s, || match moment.mainframe {
             Some(mainframe) => Some(decisions(mainframe, moment.experiment)),
-            None => moment.told_decisions?.at(time_s),
+            None => moment.heard?.decisions.at(time_s),
         })
     }
 }
@@ -115,7 +96,7 @@ mod tests {
         let free = of(DecisionReason::FreeRoad, None);
         due(&mut sampler, 0..10, free);
         (10..100).for_each(|tick| assert!(sampler.sample(f64::from(tick) / 100.0, || None).is_empty()));
-        assert!(sampler.told.is_empty());
+        assert!(sampler.vehicles.is_empty());
         assert_eq!(due(&mut sampler, 100..110, free), [1.0]);
     }
 }

@@ -77,7 +77,7 @@ impl DecisionTeller {
 
     /// What is known of a source now; `None` while nobody asks.
     pub fn insight(&self, source: &impl Source) -> Option<ControlInsight> {
-        let told = || source.told_decisions()?.at(source.snapshot().time_s);
+        let told = || source.heard()?.decisions.at(source.snapshot().time_s);
         self.is_asked.then(|| ControlInsight {
             decisions: match source.mainframe() {
                 Some(mainframe) => Some(decisions(mainframe, source.experiment())),

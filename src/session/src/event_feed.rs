@@ -1,8 +1,11 @@
-//! Events and past states of the present run for a window, which itself sees only some of the snapshots: each event once,
-//! and states at a steady rate.
+//! Events, past states and past plans of the present run for a window, which itself sees only some of the snapshots: each
+//! event once, and states at a steady rate.
 
+use super::plan_sampler::PlanSampler;
 use super::playback::{DriverChanges, TimelineMark};
 use super::{HistoryFeed, Inputs, Moment, MomentKind, PoseWatch};
+use city3d_logbook::record::LoggedPlans;
+use city3d_protocol::snapshot::FrameSnapshot;
 use city3d_protocol::wire::Body;
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -46,6 +49,7 @@ impl EventReader {
 pub(super) struct EventCollector {
     feed: EventFeed,
     history: HistoryFeed,
+    plans: PlanSampler,
     drivers: DriverChanges,
     watch: PoseWatch,
     /// The events of the source have its collisions.
@@ -58,6 +62,7 @@ impl EventCollector {
         Self {
             feed: EventFeed::default(),
             history: HistoryFeed::default(),
+            plans: PlanSampler::default(),
             drivers: DriverChanges::default(),
             watch: PoseWatch::default(),
             tells_collisions,
@@ -103,9 +108,18 @@ impl EventCollector {
         }
         let is_grave = marks.iter().any(|mark| mark.what.is_grave());
         self.history.take(moment.snapshot, is_grave);
+        self.keep_plans(moment);
         if !marks.is_empty() {
             self.feed.extend(&marks);
         }
         marks
+    }
+
+    fn keep_plans(&mut self, moment: &Moment<'_>) {
+        let update = self.plans.of_moment(moment);
+        if !update.is_empty() {
+            let FrameSnapshot { tick, time_s, .. } = *moment.snapshot;
+            self.history.take_plans(LoggedPlans { tick, time_s, update });
+        }
     }
 }

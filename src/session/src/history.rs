@@ -1,8 +1,9 @@
 //! Past states of a run: what a window needs to look back and to draw figures, for every source, with a log or without.
 
+use super::plan_history::PlanHistory;
 use city3d_dynamics::vehicle::set_wheels;
-use city3d_logbook::record::{LoggedSnapshot, LoggedVehicle};
-use city3d_protocol::snapshot::{FrameSnapshot, VehicleId, VehicleInfo, VehicleState};
+use city3d_logbook::record::{LoggedPlans, LoggedSnapshot, LoggedVehicle};
+use city3d_protocol::snapshot::{CoordinationState, FrameSnapshot, VehicleId, VehicleInfo, VehicleState};
 use city3d_simulation::scenario::Experiment;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
@@ -92,11 +93,19 @@ struct KeptStates {
     coarse_s: f64,
     /// How often states were left out, after which their places are others.
     thinned: u32,
+    plans: PlanHistory,
 }
 
 impl Default for KeptStates {
     fn default() -> Self {
-        Self { states: Vec::new(), bytes: 0, limit: HISTORY_LIMIT, coarse_s: 2.0 * KEPT_EVERY_S, thinned: 0 }
+        Self {
+            states: Vec::new(),
+            bytes: 0,
+            limit: HISTORY_LIMIT,
+            coarse_s: 2.0 * KEPT_EVERY_S,
+            thinned: 0,
+            plans: PlanHistory::default(),
+        }
     }
 }
 
@@ -159,6 +168,11 @@ impl HistoryFeed {
             self.lock().push(state);
         }
     }
+
+    /// Keeps what was told of plans.
+    pub(crate) fn take_plans(&self, told: LoggedPlans) {
+        self.lock().plans.push(told);
+    }
 }
 
 /// Past states of a run as a window reads them, in order of time.
@@ -204,6 +218,12 @@ impl RunHistory {
             _ => {}
         }
         self.states.push(Arc::new(PastState::of(snapshot)));
+    }
+
+    /// The plans of coordinated vehicles that held at a time; `None` where nobody had told any, and for those of a log, which
+    /// its player knows.
+    pub fn plans_at(&self, time_s: f64) -> Option<CoordinationState> {
+        self.feed.lock().plans.at(time_s)
     }
 
     /// All states.

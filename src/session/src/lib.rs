@@ -25,6 +25,8 @@ mod order;
 mod overwrite;
 #[cfg(feature = "render")]
 pub mod pictures;
+mod plan_history;
+mod plan_sampler;
 mod plans;
 pub mod playback;
 pub mod recorded;
@@ -35,6 +37,7 @@ pub mod ros;
 #[cfg(all(feature = "render", feature = "ros"))]
 pub mod ros_pictures;
 mod run_files;
+mod send_on_delta;
 pub mod served;
 mod session;
 mod source;
@@ -54,7 +57,7 @@ pub use local::LocalCity;
 pub use moment::{Inputs, Moment, MomentKind, SenderLabels, StepTiming};
 pub use order::{Order, OrderSender, Orders, RunGoal, orders};
 pub use overwrite::Overwrite;
-pub use plans::{CoordinationState, NoPlan, PLACE_STEP_S, PlannedPassage, PlannedPlace, ZoneVehicle};
+pub use plans::coordination;
 pub use run_files::{FileOptions, FilesWritten, RunFiles, RunFolders, WallTime};
 pub use session::{
     OnReport, OnUpdate, PublishedState, Session, SessionEnd, SessionHandle, SessionReport, SessionStopper,

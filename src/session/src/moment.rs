@@ -5,7 +5,7 @@ use city3d_geometry::LengthScale;
 use city3d_logbook::record::NetworkCommand;
 use city3d_protocol::snapshot::{FrameSnapshot, SimCommand};
 use city3d_protocol::wire::{EncodeError, ExperimentPhase};
-use city3d_simulation::runner::{AppliedBody, HeldDecisions};
+use city3d_simulation::runner::{AppliedBody, HeldControl};
 use city3d_simulation::scenario::Experiment;
 use std::fmt;
 use std::sync::Arc;
@@ -37,8 +37,8 @@ pub struct Moment<'a> {
     pub phase: ExperimentPhase,
     /// The control framework, where it is in this process.
     pub mainframe: Option<&'a Mainframe>,
-    /// What a control framework elsewhere has told of its decisions.
-    pub told_decisions: Option<&'a HeldDecisions>,
+    /// What a control framework elsewhere has told of its decisions and plans.
+    pub heard: Option<&'a HeldControl>,
     /// The commands of the step that led here.
     pub inputs: Inputs<'a>,
     /// Tick and simulated time at which that step began.
@@ -66,7 +66,7 @@ impl<'a> Moment<'a> {
             snapshot,
             phase,
             mainframe,
-            told_decisions: None,
+            heard: None,
             inputs,
             from,
             timing,

@@ -1,99 +1,41 @@
-//! Plans of coordinated vehicles at one instant, as a window shows them. They are read from the control framework of this
-//! process; nothing of them is in a snapshot, a log or the digest of the state.
+//! Plans of coordinated vehicles at one instant, as a window, the link and logs tell them. They are read from the control
+//! framework; nothing of them is in a snapshot or in the digest of the state.
 
-use city3d_control::coordination::{Passage, ZoneCounts};
+use city3d_control::coordination::{ControlZone, Passage};
 use city3d_control::{Cav, Mainframe, Role, STANDS_MPS, heeds_nobody};
-use city3d_geometry::Pose2;
-use city3d_protocol::snapshot::VehicleId;
+use city3d_geometry::City;
+use city3d_protocol::snapshot::{
+    CoordinationState, NoPlan, PlanPoint, PlannedPassage, ZoneCounts, ZoneState, ZoneVehicle,
+};
 use city3d_simulation::scenario::Experiment;
 
-/// The vehicles in control zones, with their plans.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct CoordinationState {
-    /// What has happened in each control zone so far, in the order of the scenario.
-    pub counts: Vec<ZoneCounts>,
-    /// Vehicles that are inside control zones, in id order.
-    pub vehicles: Vec<ZoneVehicle>,
-}
+/// A plan shorter than this is told by one point, seconds: the vehicle is about to leave.
+const SHORTEST_S: f64 = 0.05;
 
-/// A vehicle inside a control zone.
-#[derive(Clone, Debug, PartialEq)]
-pub struct ZoneVehicle {
-    /// Its id.
-    pub id: VehicleId,
-    /// Index of the control zone.
-    pub zone: usize,
-    /// Simulated time at which it entered the zone, seconds.
-    pub entered_s: f64,
-    /// Whether it stands.
-    pub is_standing: bool,
-    /// Its plan, or why it has none.
-    pub plan: Result<PlannedPassage, NoPlan>,
-}
-
-/// Why a vehicle in a control zone has no plan: it drives by the rules of the road.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum NoPlan {
-    /// It is not coordinated: a human driver, or one that keeps its speed.
-    NotCoordinated,
-    /// It has left its plans several times in a row, as where a person drives it.
-    LeftItsPlans,
-    /// Vehicles that are not coordinated are in its zone.
-    AmongUncoordinated,
-    /// No plan keeps bounds and gaps; it asks again.
-    Infeasible,
-}
-
-/// A planned way through a control zone. Times are simulated seconds.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct PlannedPassage {
-    /// When the front bumper enters the first conflict.
-    pub enters_s: f64,
-    /// When the rear bumper leaves the last conflict.
-    pub leaves_s: f64,
-    /// Where the front bumper enters the first conflict, city frame.
-    pub entry: Pose2,
-    /// Where the front bumper will be: now and every [`PLACE_STEP_S`] until the vehicle leaves.
-    pub places: Vec<PlannedPlace>,
-}
-
-/// Where a vehicle will be.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct PlannedPlace {
-    /// Seconds from now.
-    pub in_s: f64,
-    /// The front bumper, heading along the route; city frame.
-    pub pose: Pose2,
-}
-
-/// Time between two places of a plan.
-pub const PLACE_STEP_S: f64 = 0.5;
-/// A plan is told for so long ahead.
-const LONGEST_S: f64 = 30.0;
-
-impl CoordinationState {
-    /// The present plans of a control framework; `None` where it coordinates nobody.
-    pub fn of(mainframe: &Mainframe, experiment: &Experiment, now_s: f64) -> Option<Self> {
-        let coordination = mainframe.coordination()?;
-        let inside = |cav: &Cav| {
-            let (_, entered_s) = cav.coordination.inside?;
-            let passage = cav.coordination.passage()?;
-            Some(ZoneVehicle {
-                id: cav.id,
-                zone: passage.zone,
-                entered_s,
-                is_standing: cav.speed_mps() < STANDS_MPS,
-                plan: planned(cav, passage, experiment, now_s).ok_or_else(|| reason(cav, experiment)),
-            })
-        };
-        let vehicles = mainframe.cavs().iter().filter_map(inside).collect();
-        Some(Self { counts: coordination.counts().to_vec(), vehicles })
-    }
-
-    /// A vehicle, where it is in a control zone.
-    pub fn vehicle(&self, id: VehicleId) -> Option<&ZoneVehicle> {
-        self.vehicles.iter().find(|vehicle| vehicle.id == id)
-    }
+/// The present plans of a control framework; `None` where it coordinates nobody.
+pub fn coordination(mainframe: &Mainframe, experiment: &Experiment, now_s: f64) -> Option<CoordinationState> {
+    let coordination = mainframe.coordination()?;
+    let zones = coordination.zones().iter().zip(coordination.counts());
+    let zone = |(number, (zone, counts)): (u16, (&ControlZone, &ZoneCounts))| ZoneState {
+        number,
+        name: zone.name.clone(),
+        counts: *counts,
+    };
+    let inside = |cav: &Cav| {
+        let (_, entered_s) = cav.coordination.inside?;
+        let passage = cav.coordination.passage()?;
+        Some(ZoneVehicle {
+            id: cav.id,
+            zone: u16::try_from(passage.zone).ok()?,
+            entered_s,
+            is_standing: cav.speed_mps() < STANDS_MPS,
+            plan: planned(cav, passage, experiment, now_s).ok_or_else(|| reason(cav, experiment)),
+        })
+    };
+    Some(CoordinationState {
+        zones: (0..=u16::MAX).zip(zones).map(zone).collect(),
+        vehicles: mainframe.cavs().iter().filter_map(inside).collect(),
+    })
 }
 
 fn planned(cav: &Cav, passage: &Passage, experiment: &Experiment, now_s: f64) -> Option<PlannedPassage> {
@@ -102,17 +44,28 @@ fn planned(cav: &Cav, passage: &Passage, experiment: &Experiment, now_s: f64) ->
     let pose_at =
         |front_s: f64| cav.route.at(&experiment.lab_map, front_s.min(cav.route.length())).pose.to_city(scale);
     let leaves_s = plan.time_at(passage.end_axle_s(cav.body));
-    let count = ((leaves_s - now_s).clamp(0.0, LONGEST_S) / PLACE_STEP_S).floor() as u32;
-    let places = (0..=count).map(|k| f64::from(k) * PLACE_STEP_S).map(|in_s| {
-        let front_s = plan.at(now_s + in_s).position_m + cav.body.overhang_m();
-        PlannedPlace { in_s, pose: pose_at(front_s) }
-    });
+    let point = |time_s: f64| {
+        let state = plan.at(time_s);
+        PlanPoint {
+            time_s,
+            pose: pose_at(state.position_m + cav.body.overhang_m()),
+            speed_mps: scale.city_from_lab(state.speed_mps),
+        }
+    };
     Some(PlannedPassage {
         enters_s: plan.time_at(cav.body.axle_of_front(passage.from_s)),
         leaves_s,
         entry: pose_at(passage.from_s),
-        places: places.collect(),
+        motion: times(now_s, leaves_s).map(point).collect(),
     })
+}
+
+/// Times from now until a vehicle leaves, evenly and about a second apart: as many as a plan may have points.
+fn times(now_s: f64, leaves_s: f64) -> impl Iterator<Item = f64> {
+    const MOST_INTERVALS: f64 = (PlannedPassage::<City>::MAX_POINTS - 1) as f64;
+    let span_s = (leaves_s - now_s).clamp(0.0, PlannedPassage::<City>::LONGEST_S);
+    let intervals = if span_s < SHORTEST_S { 0.0 } else { span_s.ceil().min(MOST_INTERVALS) };
+    (0..=intervals as u32).map(move |k| now_s + span_s * f64::from(k) / intervals.max(1.0))
 }
 
 fn reason(cav: &Cav, experiment: &Experiment) -> NoPlan {
@@ -132,8 +85,10 @@ fn reason(cav: &Cav, experiment: &Experiment) -> NoPlan {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use city3d_protocol::snapshot::VehicleId;
     use city3d_simulation::runner::Run;
     use city3d_simulation::scenario::{Library, Overrides, read_experiment};
+    use glam::DVec2;
     use std::sync::Arc;
 
     fn coordinated(change: impl Fn(&str) -> String) -> Run {
@@ -143,14 +98,14 @@ mod tests {
     }
 
     fn state(run: &Run) -> Option<CoordinationState> {
-        CoordinationState::of(run.mainframe(), run.experiment(), run.snapshot().time_s)
+        coordination(run.mainframe(), run.experiment(), run.snapshot().time_s)
     }
 
     /// How far the front bumper of a vehicle is from a place of the city.
-    fn distance_m(run: &Run, id: VehicleId, place: &PlannedPlace) -> f64 {
+    fn distance_m(run: &Run, id: VehicleId, place: DVec2) -> f64 {
         let (vehicle, info) = run.snapshot().iter().find(|(vehicle, _)| vehicle.id == id).unwrap();
         let front = vehicle.pose().point_at(info.dimensions.length_m / 2.0, 0.0);
-        front.distance(place.pose.position)
+        front.distance(place)
     }
 
     #[test]
@@ -169,12 +124,46 @@ mod tests {
         let mut checked = 0;
         for (id, plan) in &planned {
             assert!(plan.leaves_s > plan.enters_s);
-            let Some(place) = plan.places.iter().find(|place| place.in_s == 2.0) else { continue };
+            let Some(place) = plan.position_at(run.snapshot().time_s) else { continue };
             let miss_m = distance_m(&run, *id, place);
             assert!(miss_m < 2.0, "vehicle {id} is {miss_m} m from its plan");
             checked += 1;
         }
         assert!(checked >= 2, "{planned:?}");
+    }
+
+    #[test]
+    fn points_of_a_plan_show_it_within_centimetres_and_are_no_more_than_a_datagram_has_room_for() {
+        let mut run = coordinated(str::to_owned);
+        let mut checked = 0;
+        while run.snapshot().time_s < 30.0 {
+            (0..50).for_each(|_| _ = run.step());
+            let (now_s, told) = (run.snapshot().time_s, state(&run).unwrap());
+            for vehicle in &told.vehicles {
+                let Ok(shown) = &vehicle.plan else { continue };
+                assert!(shown.motion.len() <= PlannedPassage::<City>::MAX_POINTS);
+                let cav = run.mainframe().cavs().iter().find(|cav| cav.id == vehicle.id).unwrap();
+                let plan = cav.coordination.plan.as_ref().unwrap();
+                let until_s = shown.motion[shown.motion.len() - 1].time_s;
+                let most_s = shown.leaves_s.min(now_s + PlannedPassage::<City>::LONGEST_S);
+                assert!((until_s - most_s.max(now_s)).abs() < 0.06, "{until_s} {most_s}");
+                let times =
+                    (0..).map(|k| now_s + 0.13 * f64::from(k)).take_while(|time_s| *time_s <= until_s);
+                for time_s in times {
+                    let front_s = plan.at(time_s).position_m + cav.body.overhang_m();
+                    let exact = cav.route.at(&run.experiment().lab_map, front_s.min(cav.route.length()));
+                    let exact = exact.pose.to_city(run.experiment().scale).position;
+                    let miss_m = shown.position_at(time_s).unwrap().distance(exact);
+                    assert!(miss_m < 0.25, "{miss_m} m at {time_s} s: {shown:?}");
+                    checked += 1;
+                }
+            }
+        }
+        assert!(checked > 1000, "{checked}");
+        let spread: Vec<f64> = times(10.0, 100.0).collect();
+        assert_eq!((spread.len(), spread[0], spread[24]), (25, 10.0, 40.0));
+        assert_eq!(times(10.0, 9.0).collect::<Vec<_>>(), [10.0], "it is late");
+        assert_eq!(times(10.0, 12.5).collect::<Vec<_>>(), [10.0, 10.0 + 2.5 / 3.0, 10.0 + 5.0 / 3.0, 12.5]);
     }
 
     #[test]

@@ -3,6 +3,7 @@
 use super::decision_sampler::DecisionSampler;
 use super::end::{End, EndFailure, EndHealth, RunAccount};
 use super::overwrite::{RUN_FILES, run_folders};
+use super::plan_sampler::PlanSampler;
 use super::{Inputs, Moment, MomentKind, Overwrite, SessionError};
 use city3d_control::Mainframe;
 use city3d_logbook::record::{
@@ -142,8 +143,9 @@ struct OpenRun {
     observer: Observer,
     events: Vec<Event>,
     tick_events: Vec<Event>,
-    /// What the log tells of decisions.
+    /// What the log tells of decisions and plans.
     decisions: DecisionSampler,
+    plans: PlanSampler,
     start: Instant,
     steps: Duration,
 }
@@ -340,6 +342,7 @@ impl RunFiles {
             events: Vec::new(),
             tick_events: Vec::new(),
             decisions: DecisionSampler::default(),
+            plans: PlanSampler::default(),
             start,
             steps: Duration::ZERO,
         });
@@ -483,6 +486,7 @@ impl OpenRun {
             Some(recorder) => {
                 let FrameSnapshot { tick, time_s, .. } = *moment.snapshot;
                 recorder.decisions((tick, time_s), &self.decisions.of_moment(moment));
+                recorder.plans((tick, time_s), &self.plans.of_moment(moment));
                 recorder.record(moment.snapshot, &self.tick_events)
             }
             None => Ok(()),

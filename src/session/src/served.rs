@@ -17,7 +17,7 @@ use city3d_protocol::wire::{
     Authenticator, Body, CityDescription, ExperimentAction, ExperimentPhase, Measurement, RequestOutcome,
 };
 use city3d_simulation::runner::{
-    HeldDecisions, LinkSummary, MOTION_CAPTURE, OPERATOR, RosSummary, SenderNumber, ServerRules, ServerWorld,
+    HeldControl, LinkSummary, MOTION_CAPTURE, OPERATOR, RosSummary, SenderNumber, ServerRules, ServerWorld,
 };
 use city3d_simulation::scenario::Experiment;
 use std::collections::BTreeMap;
@@ -420,8 +420,8 @@ impl Source for ServedCity {
         LogOrigin::Served
     }
 
-    fn told_decisions(&self) -> Option<&HeldDecisions> {
-        Some(self.world.decisions())
+    fn heard(&self) -> Option<&HeldControl> {
+        Some(self.world.heard())
     }
 
     fn pace(&self) -> Pace {

@@ -532,7 +532,7 @@ fn moment<'a, S: Source>(
         snapshot: source.snapshot(),
         phase: source.experiment_phase(),
         mainframe: source.mainframe(),
-        told_decisions: source.told_decisions(),
+        heard: source.heard(),
         inputs,
         from,
         timing,

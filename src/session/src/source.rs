@@ -5,7 +5,7 @@ use city3d_control::Mainframe;
 use city3d_logbook::record::LogOrigin;
 use city3d_protocol::snapshot::FrameSnapshot;
 use city3d_protocol::wire::ExperimentPhase;
-use city3d_simulation::runner::{HeldDecisions, LinkSummary};
+use city3d_simulation::runner::{HeldControl, LinkSummary};
 use city3d_simulation::scenario::Experiment;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -61,8 +61,8 @@ pub trait Source: Send {
         None
     }
 
-    /// What a control framework elsewhere has told of its decisions.
-    fn told_decisions(&self) -> Option<&HeldDecisions> {
+    /// What a control framework elsewhere has told of its decisions and plans.
+    fn heard(&self) -> Option<&HeldControl> {
         None
     }
 

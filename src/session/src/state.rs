@@ -1,7 +1,7 @@
 //! State of a session as a window shows it.
 
-use super::{ControlInsight, CoordinationState, EventFeed, HistoryFeed, PacingClock, RunGoal, Speed};
-use city3d_protocol::snapshot::{FrameSnapshot, VehicleId};
+use super::{ControlInsight, EventFeed, HistoryFeed, PacingClock, RunGoal, Speed};
+use city3d_protocol::snapshot::{CoordinationState, FrameSnapshot, VehicleId};
 use city3d_simulation::runner::Summary;
 use std::path::PathBuf;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -99,7 +99,7 @@ pub struct RunState {
     pub link: Option<Arc<LinkStatus>>,
     /// The ends of the session.
     pub ends: Arc<Vec<EndStatus>>,
-    /// Plans of coordinated vehicles, where they are asked for and the control framework is in this process.
+    /// Plans of coordinated vehicles, where they are asked for and told; of a log and of the past, what was told then.
     pub coordination: Option<Arc<CoordinationState>>,
     /// Decisions of the control framework and delays of its commands, where they are asked for; of a log, what it tells.
     pub insight: Option<Arc<ControlInsight>>,

@@ -1,12 +1,13 @@
-//! Poses over UDP, and what the control framework tells of its decisions: subscribers with their leases, and the end that
-//! sends to them.
+//! Poses over UDP, and what the control framework tells of its decisions and plans: subscribers with their leases, and the
+//! end that sends to them.
 
 use super::decision_sampler::DecisionSampler;
 use super::end::{End, EndHealth};
+use super::plan_sampler::PlanSampler;
 use super::{Moment, MomentKind};
 use city3d_network::host::Host;
 use city3d_network::link::{SenderId, Server};
-use city3d_protocol::wire::{Body, Decisions};
+use city3d_protocol::wire::{Body, Decisions, Plans};
 use city3d_simulation::runner::pose_bodies;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
@@ -30,6 +31,7 @@ pub struct PoseSubscribers {
     most: usize,
     subscribers: Vec<PoseSubscriber>,
     decisions: DecisionSampler,
+    plans: PlanSampler,
     delivered: u64,
     refused: u64,
 }
@@ -42,6 +44,7 @@ impl PoseSubscribers {
             most,
             subscribers: Vec::new(),
             decisions: DecisionSampler::default(),
+            plans: PlanSampler::default(),
             delivered: 0,
             refused: 0,
         }
@@ -87,28 +90,33 @@ impl PoseSubscribers {
         Ok(())
     }
 
-    /// What subscribers are told of decisions at a moment; all of them while the clock stands, for whoever has come.
-    fn decisions(&mut self, moment: &Moment<'_>) -> Vec<Body> {
-        let time_s = moment.snapshot.time_s;
-        let told = match moment.kind {
-            MomentKind::Still => moment.told_decisions.and_then(|held| held.at(time_s)).unwrap_or_default(),
-            _ => self.decisions.of_moment(moment),
+    /// What subscribers are told of decisions and plans at a moment; all of them while the clock stands, for whoever has come.
+    fn control_notes(&mut self, moment: &Moment<'_>) -> Vec<Body> {
+        let (time_s, scale) = (moment.snapshot.time_s, moment.scale());
+        let (decisions, plans) = match (moment.kind, moment.heard) {
+            (MomentKind::Still, None) => return Vec::new(),
+            (MomentKind::Still, Some(held)) => (
+                held.decisions.at(time_s).unwrap_or_default(),
+                held.plans.at(time_s).unwrap_or_default().into(),
+            ),
+            _ => (self.decisions.of_moment(moment), self.plans.of_moment(moment)),
         };
-        Decisions::parts(time_s, &told, moment.scale()).into_iter().map(Body::ShownDecisions).collect()
+        let decisions = Decisions::parts(time_s, &decisions, scale).into_iter().map(Body::ShownDecisions);
+        decisions.chain(Plans::parts(time_s, &plans, scale).into_iter().map(Body::ShownPlans)).collect()
     }
 
     fn send(&mut self, moment: &Moment<'_>) {
         if self.present().is_empty() {
             return;
         }
-        let decisions = self.decisions(moment);
+        let notes = self.control_notes(moment);
         let poses = pose_bodies(moment.snapshot, moment.phase, moment.scale());
         let is_due =
             |every_ticks| moment.kind != MomentKind::Tick || moment.snapshot.tick.is_multiple_of(every_ticks);
         for subscriber in &self.subscribers {
             // Whoever leads has told them.
             if !subscriber.leads {
-                self.server.send_all(subscriber.sender, &decisions);
+                self.server.send_all(subscriber.sender, &notes);
             }
             if is_due(subscriber.every_ticks) {
                 self.server.send_all(subscriber.sender, &poses);

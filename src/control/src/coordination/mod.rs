@@ -32,6 +32,8 @@ pub use planner::{Heeded, Infeasible, PlanRequest};
 pub use scheduler::{COORDINATORS, Coordinator, coordinator};
 pub use zone::{ControlZone, Passage};
 
+pub use city3d_protocol::snapshot::ZoneCounts;
+
 use crate::Cav;
 use filter::FilterCounts;
 use serde::{Deserialize, Serialize};
@@ -81,17 +83,6 @@ impl CoordinationParams {
             merges_one_by_one: self.merges_one_by_one,
         }
     }
-}
-
-/// Counts of a control zone.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-pub struct ZoneCounts {
-    /// Plans given.
-    pub plans: u64,
-    /// Plans that were dropped because the vehicle, or another one, did not do what was expected.
-    pub replans: u64,
-    /// Requests for which no plan was feasible; a vehicle asks more than once.
-    pub infeasible: u64,
 }
 
 /// What coordination has done in a run so far.

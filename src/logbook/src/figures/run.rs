@@ -152,7 +152,10 @@ impl RunLog {
                     let vehicles = snapshot.vehicles.iter();
                     vehicles.for_each(|vehicle| builder.see(snapshot.time_s, &vehicle.state()));
                 }
-                LogEntry::Tick { .. } | LogEntry::Arrival { .. } | LogEntry::Decisions(_) => {}
+                LogEntry::Tick { .. }
+                | LogEntry::Arrival { .. }
+                | LogEntry::Decisions(_)
+                | LogEntry::Plans(_) => {}
             }
         }
         let truncation = log.truncation().map(ToString::to_string);

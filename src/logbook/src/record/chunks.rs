@@ -4,6 +4,7 @@
 use super::budget::DecompressionBudget;
 use super::decisions::DECISIONS_TOPIC;
 use super::log::{COMMAND_TOPIC, EVENT_TOPIC, NETWORK_TOPIC, SNAPSHOT_TOPIC};
+use super::plans::PLANS_TOPIC;
 use super::reader::{LogEntry, LogReader, decode, no_log};
 use super::records::{
     ChunkHead, HEAD, LARGEST_RECORD, Truncation, chunk_reader, describe, is_ended, parse_checked,
@@ -19,20 +20,20 @@ use std::path::{Path, PathBuf};
 /// Which entries of a chunk to decode.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum EntryFilter {
-    /// States of all vehicles at one tick, and decisions of the control framework.
+    /// States of all vehicles at one tick, and what the control framework tells.
     Snapshots,
     /// Events, commands of persons, and datagrams of the laboratory's link.
     Events,
-    /// Decisions of the control framework alone.
-    Decisions,
+    /// What the control framework tells alone: decisions and plans.
+    Control,
 }
 
 impl EntryFilter {
     fn topics(self) -> &'static [&'static str] {
         match self {
-            Self::Snapshots => &[SNAPSHOT_TOPIC, DECISIONS_TOPIC],
+            Self::Snapshots => &[SNAPSHOT_TOPIC, DECISIONS_TOPIC, PLANS_TOPIC],
             Self::Events => &[EVENT_TOPIC, COMMAND_TOPIC, NETWORK_TOPIC],
-            Self::Decisions => &[DECISIONS_TOPIC],
+            Self::Control => &[DECISIONS_TOPIC, PLANS_TOPIC],
         }
     }
 }

@@ -8,9 +8,10 @@ use super::schema::{NetworkCommand, encode_event, encode_network, encode_snapsho
 use super::transforms::encode_transform;
 use city3d_geometry::Pose2;
 use city3d_protocol::snapshot::{
-    Appearance, Aspect, ControlDecision, DecisionReason, Event, EventKind, FrameSnapshot, Indicator,
-    MeasuredPose, Pedals, Setup, SignalAspects, SignalHeadId, SimCommand, Status, Trajectory,
-    TrajectoryPoint, VehicleId, VehicleSpec, VehicleState,
+    Appearance, Aspect, ControlDecision, CoordinationUpdate, DecisionReason, Event, EventKind, FrameSnapshot,
+    Indicator, MeasuredPose, NoPlan, Pedals, PlanPoint, PlannedPassage, Setup, SignalAspects, SignalHeadId,
+    SimCommand, Status, Trajectory, TrajectoryPoint, VehicleId, VehicleSpec, VehicleState, ZoneCounts,
+    ZoneState, ZoneVehicle,
 };
 use city3d_protocol::wire::Measurement;
 use glam::{DQuat, DVec2, DVec3};
@@ -119,6 +120,28 @@ fn decisions() -> Vec<ControlDecision> {
     DecisionReason::ALL.map(of).to_vec()
 }
 
+/// Vehicles with a plan and without one for each reason, and one that has left.
+fn plans() -> CoordinationUpdate {
+    let point = |k: u32| PlanPoint {
+        time_s: 2.5 + f64::from(k),
+        pose: Pose2::new(1.5, f64::from(k), 0.25),
+        speed_mps: 8.75,
+    };
+    let plan = PlannedPassage {
+        enters_s: 3.0,
+        leaves_s: 4.5,
+        entry: Pose2::new(1.5, 0.5, 0.25),
+        motion: (0..3).map(point).collect(),
+    };
+    let of = |plan| ZoneVehicle { id: VEHICLE, zone: 1, entered_s: 1.25, is_standing: true, plan };
+    let counts = ZoneCounts { plans: 7, replans: 2, infeasible: 1 };
+    CoordinationUpdate {
+        zones: vec![ZoneState { number: 1, name: "west".to_owned(), counts }],
+        vehicles: std::iter::once(Ok(plan)).chain(NoPlan::ALL.map(Err)).map(of).collect(),
+        left: vec![VehicleId(9)],
+    }
+}
+
 #[test]
 fn messages_of_each_kind() {
     let mut messages: Vec<(String, Vec<u8>)> = vec![
@@ -146,6 +169,9 @@ fn messages_of_each_kind() {
     let mut bytes = Vec::new();
     CommandKind::encode_decisions((250, 2.5), &decisions(), &mut bytes);
     messages.push(("decisions".to_owned(), bytes));
+    let mut bytes = Vec::new();
+    CommandKind::encode_plans((250, 2.5), &plans(), &mut bytes);
+    messages.push(("plans".to_owned(), bytes));
     let pose = Measurement {
         vehicle: VEHICLE,
         stamp_s: 2.5,

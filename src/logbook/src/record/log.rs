@@ -3,6 +3,7 @@
 
 use super::decisions::{DECISIONS_SCHEMA, DECISIONS_TOPIC, DECISIONS_TYPE, encode_decisions};
 use super::mcap_writer::McapWriter;
+use super::plans::{PLANS_SCHEMA, PLANS_TOPIC, PLANS_TYPE, encode_plans};
 use super::schema::{
     ARRIVAL_SCHEMA, ARRIVAL_TYPE, COMMAND_SCHEMA, COMMAND_TYPE, EVENT_SCHEMA, EVENT_TYPE, MEASURED_SCHEMA,
     MEASURED_TYPE, NETWORK_SCHEMA, NETWORK_TYPE, NetworkCommand, PersonCommand, SIGNALS_SCHEMA, SIGNALS_TYPE,
@@ -13,7 +14,9 @@ use super::schema::{
 use super::transforms::{TRANSFORM_SCHEMA, TRANSFORM_TYPE, encode_transform};
 use city3d_geometry::LengthScale;
 use city3d_geometry::digest;
-use city3d_protocol::snapshot::{ControlDecision, Event, FrameSnapshot, ModelKind, SimCommand, Status};
+use city3d_protocol::snapshot::{
+    ControlDecision, CoordinationUpdate, Event, FrameSnapshot, ModelKind, SimCommand, Status,
+};
 use city3d_protocol::wire::{Measurement, vicon_frame};
 use city3d_simulation::environment::EnvironmentProfile;
 use city3d_simulation::scenario::Experiment;
@@ -38,6 +41,8 @@ pub struct LogWriter<W> {
     arrivals: Option<u16>,
     /// Where a control framework may tell its decisions.
     decisions: Option<u16>,
+    /// Where one may tell plans through control zones.
+    plans: Option<u16>,
     transform_schema: u16,
     /// Channels of the vehicles' transforms, by the vehicles' names.
     transforms: BTreeMap<String, u16>,
@@ -161,6 +166,13 @@ impl<W: Write> LogWriter<W> {
             LogOrigin::Recorded => None,
             _ => Some(channel(DECISIONS_TOPIC, DECISIONS_TYPE, DECISIONS_SCHEMA)?),
         };
+        let may_coordinate = match origin {
+            LogOrigin::Run => experiment.coordination.is_some(),
+            // The control framework may have another scenario.
+            LogOrigin::Served | LogOrigin::Mainframe => true,
+            LogOrigin::Recorded => false,
+        };
+        let plans = may_coordinate.then(|| channel(PLANS_TOPIC, PLANS_TYPE, PLANS_SCHEMA)).transpose()?;
         let transform_schema = writer.schema(TRANSFORM_TYPE, "ros2msg", TRANSFORM_SCHEMA);
         Ok(Self {
             writer,
@@ -174,6 +186,7 @@ impl<W: Write> LogWriter<W> {
             ticks,
             arrivals,
             decisions,
+            plans,
             transform_schema,
             transforms: BTreeMap::new(),
             scale: experiment.scale,
@@ -242,7 +255,20 @@ impl<W: Write> LogWriter<W> {
         written
     }
 
-    /// Adds an encoded command, or encoded decisions.
+    /// Adds plans through control zones that hold in the snapshot of a tick; none in a log where nobody may tell any.
+    ///
+    /// # Errors
+    /// When it cannot be written; what was written before stays readable.
+    pub fn plans(&mut self, tick: u64, time_s: f64, update: &CoordinationUpdate) -> io::Result<()> {
+        let mut buffer = std::mem::take(&mut self.buffer);
+        buffer.clear();
+        let kind = CommandKind::encode_plans((tick, time_s), update, &mut buffer);
+        let written = self.encoded(kind, time_s, &buffer);
+        self.buffer = buffer;
+        written
+    }
+
+    /// Adds an encoded command, or encoded decisions or plans.
     ///
     /// # Errors
     /// When it cannot be written; what was written before stays readable.
@@ -261,6 +287,10 @@ impl<W: Write> LogWriter<W> {
                 None => return Ok(()),
             },
             CommandKind::Decisions => match self.decisions {
+                Some(channel) => channel,
+                None => return Ok(()),
+            },
+            CommandKind::Plans => match self.plans {
                 Some(channel) => channel,
                 None => return Ok(()),
             },
@@ -318,6 +348,8 @@ pub(super) enum CommandKind {
     Arrival,
     /// Why vehicles do what they do; no command.
     Decisions,
+    /// Plans through control zones; no command.
+    Plans,
 }
 
 impl CommandKind {
@@ -329,6 +361,16 @@ impl CommandKind {
     ) -> Self {
         *buffer = encode_decisions(tick, time_s, decisions, std::mem::take(buffer));
         Self::Decisions
+    }
+
+    /// Appends plans that hold in the snapshot of a tick to a buffer.
+    pub fn encode_plans(
+        (tick, time_s): (u64, f64),
+        update: &CoordinationUpdate,
+        buffer: &mut Vec<u8>,
+    ) -> Self {
+        *buffer = encode_plans(tick, time_s, update, std::mem::take(buffer));
+        Self::Plans
     }
 
     /// Appends a command, applied in the step after a tick, to a buffer; `None` for commands that are not logged.

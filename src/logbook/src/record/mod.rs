@@ -11,6 +11,7 @@ mod golden;
 mod input;
 mod log;
 mod mcap_writer;
+mod plans;
 mod poses;
 mod reader;
 mod recorder;
@@ -24,6 +25,7 @@ pub use chunks::{ChunkInfo, ChunkedLog, EntryFilter};
 pub use decisions::LoggedDecisions;
 pub use input::{FileKind, file_kind, is_log};
 pub use log::{LogOrigin, LogWriter};
+pub use plans::LoggedPlans;
 pub use poses::{POSE_COLUMNS, RecordedPose, read_poses};
 pub use reader::{LogEntry, LogReader, last_tick, read_commands, read_network};
 pub use recorder::{

@@ -8,6 +8,7 @@ use super::log::{
     ARRIVAL_TOPIC, COMMAND_TOPIC, EVENT_TOPIC, FORMAT, LogOrigin, MAP, MEASURED_TOPIC, METADATA, MODELS,
     NETWORK_TOPIC, REVISION, SCENARIO, SIGNALS_TOPIC, SNAPSHOT_TOPIC, TICK_TOPIC, TRAJECTORY_TOPIC,
 };
+use super::plans::{LoggedPlans, PLANS_TOPIC, decode_plans};
 use super::records::{RecordStream, Truncation};
 use super::schema::{
     LoggedSnapshot, NetworkCommand, decode_arrival, decode_command, decode_event, decode_measured,
@@ -54,6 +55,8 @@ pub enum LogEntry {
     Event(Event),
     /// Why vehicles do what they do. No state depends on it.
     Decisions(LoggedDecisions),
+    /// Plans of vehicles through control zones. No state depends on it.
+    Plans(LoggedPlans),
 }
 
 /// Reads a log from start to end.
@@ -261,6 +264,7 @@ pub(super) fn decode(topic: &str, data: &[u8]) -> Option<Option<LogEntry>> {
         TICK_TOPIC => decode_tick(data).map(|(tick, state_hash)| LogEntry::Tick { tick, state_hash }),
         SNAPSHOT_TOPIC => decode_snapshot(data).map(LogEntry::Snapshot),
         DECISIONS_TOPIC => decode_decisions(data).map(LogEntry::Decisions),
+        PLANS_TOPIC => decode_plans(data).map(LogEntry::Plans),
         EVENT_TOPIC => decode_event(data).map(LogEntry::Event),
         _ => return None,
     })

@@ -4,7 +4,9 @@
 use super::log::CommandKind;
 use super::{LogOrigin, LogWriter, NetworkCommand, VehicleTable};
 use city3d_outputs::OutputFolder;
-use city3d_protocol::snapshot::{ControlDecision, Event, FrameSnapshot, SimCommand, VehicleState};
+use city3d_protocol::snapshot::{
+    ControlDecision, CoordinationUpdate, Event, FrameSnapshot, SimCommand, VehicleState,
+};
 use city3d_simulation::scenario::Experiment;
 use std::fs::File;
 use std::io::BufWriter;
@@ -314,12 +316,23 @@ impl Recorder {
     /// Records decisions of the control framework that hold in the snapshot of a tick, before that is recorded; none where
     /// there are none.
     pub fn decisions(&mut self, (tick, time_s): (u64, f64), decisions: &[ControlDecision]) {
-        if decisions.is_empty() {
-            return;
+        if !decisions.is_empty() {
+            self.note(time_s, |bytes| CommandKind::encode_decisions((tick, time_s), decisions, bytes));
         }
+    }
+
+    /// Records plans through control zones that hold in the snapshot of a tick, before that is recorded; none where there
+    /// are none.
+    pub fn plans(&mut self, (tick, time_s): (u64, f64), update: &CoordinationUpdate) {
+        if !update.is_empty() {
+            self.note(time_s, |bytes| CommandKind::encode_plans((tick, time_s), update, bytes));
+        }
+    }
+
+    fn note(&mut self, time_s: f64, encode: impl FnOnce(&mut Vec<u8>) -> CommandKind) {
         let bytes = &mut self.batch.bytes;
         let start = bytes.len();
-        let kind = CommandKind::encode_decisions((tick, time_s), decisions, bytes);
+        let kind = encode(bytes);
         let length = bytes.len() - start;
         self.batch.items.push(Item::Command { kind, time_s, length });
     }

@@ -9,6 +9,7 @@ mod command;
 mod decision;
 mod event;
 mod limits;
+mod plan;
 mod signal;
 mod spec;
 mod vehicle;
@@ -19,6 +20,10 @@ pub use command::{
 };
 pub use decision::{ControlDecision, DecisionReason};
 pub use event::{Event, EventKind};
+pub use plan::{
+    CoordinationState, CoordinationUpdate, NoPlan, PlanPoint, PlannedPassage, ZoneCounts, ZoneState,
+    ZoneVehicle,
+};
 pub use signal::{Aspect, SignalAspects, SignalHeadId};
 pub use spec::{
     CentreOfMass, ControlGains, Drive, GRAVITY_MPS2, ModelKind, Motor, Suspension, TorquePoint, VehicleSpec,

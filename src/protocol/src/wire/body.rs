@@ -4,6 +4,7 @@ use super::bytes::{ByteReader, ByteWriter};
 use super::decisions::Decisions;
 use super::description::CityDescription;
 use super::drive;
+use super::plans::Plans;
 use super::setup::VehicleSetup;
 use super::{
     Authenticator, DatagramHeader, DecodeError, DecodeFault, EncodeError, MAX_COORDINATE_M, MAX_TIME_S,
@@ -220,6 +221,11 @@ pub enum Body {
     Decisions(Decisions),
     /// The same as the city has heard it, for a subscriber.
     ShownDecisions(Decisions),
+    /// Plans through control zones, by the sender that controls the vehicles. Not acknowledged; nothing in the city depends
+    /// on them.
+    Plans(Plans),
+    /// The same as the city has heard it, for a subscriber.
+    ShownPlans(Plans),
 }
 
 pub(super) const HELLO: u8 = 1;
@@ -233,6 +239,7 @@ const DRIVE: u8 = 8;
 const DESCRIBE: u8 = 9;
 const SIGNALS: u8 = 10;
 const DECISIONS: u8 = 11;
+const PLANS: u8 = 12;
 const CLOCK: u8 = 65;
 const ACK: u8 = 66;
 const POSES: u8 = 67;
@@ -241,6 +248,7 @@ const DESCRIPTION: u8 = 68;
 const CHALLENGE: u8 = 70;
 const SHOWN_SIGNALS: u8 = 71;
 const SHOWN_DECISIONS: u8 = 72;
+const SHOWN_PLANS: u8 = 73;
 
 impl Body {
     pub(super) fn kind(&self) -> u8 {
@@ -263,6 +271,8 @@ impl Body {
             Self::ShownSignals(_) => SHOWN_SIGNALS,
             Self::Decisions(_) => DECISIONS,
             Self::ShownDecisions(_) => SHOWN_DECISIONS,
+            Self::Plans(_) => PLANS,
+            Self::ShownPlans(_) => SHOWN_PLANS,
         }
     }
 
@@ -396,6 +406,7 @@ impl Body {
             Self::Description(description) => description.write(out)?,
             Self::Signals(aspects) | Self::ShownSignals(aspects) => signals::write(aspects, out)?,
             Self::Decisions(told) | Self::ShownDecisions(told) => told.write(out)?,
+            Self::Plans(told) | Self::ShownPlans(told) => told.write(out)?,
             Self::Challenge { token, challenge } => {
                 out.u64(*token);
                 out.u64(*challenge);
@@ -446,6 +457,8 @@ impl Body {
             SHOWN_SIGNALS => Self::ShownSignals(signals::read(from)?),
             DECISIONS => Self::Decisions(Decisions::read(from)?),
             SHOWN_DECISIONS => Self::ShownDecisions(Decisions::read(from)?),
+            PLANS => Self::Plans(Plans::read(from)?),
+            SHOWN_PLANS => Self::ShownPlans(Plans::read(from)?),
             CLOCK => Self::Clock(CityClock::read(from)?),
             ACK => Self::Ack {
                 request,
@@ -467,7 +480,7 @@ impl Body {
             }
             found => {
                 let fault =
-                    DecodeFault::Unknown { found: found.into(), known: "1 to 11, 65 to 68, and 70 to 72" };
+                    DecodeFault::Unknown { found: found.into(), known: "1 to 12, 65 to 68, and 70 to 73" };
                 return Err(DecodeError { field: "kind", offset: 5, fault });
             }
         })

@@ -93,7 +93,7 @@ impl CityDescription {
 }
 
 /// The beginning of a text, at most `most` bytes.
-fn cut(text: &str, most: usize) -> &str {
+pub(super) fn cut(text: &str, most: usize) -> &str {
     &text[..text.floor_char_boundary(most)]
 }
 

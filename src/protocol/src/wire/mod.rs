@@ -12,6 +12,7 @@ mod description;
 mod drive;
 mod drops;
 mod envelope;
+mod plans;
 mod setup;
 mod signals;
 mod trajectories;
@@ -29,6 +30,7 @@ pub use envelope::{
     Authenticator, DatagramHeader, HEADER_BYTES, MAGIC, MAX_BODY_BYTES, MAX_DATAGRAM_BYTES, MIN_KEY_BYTES,
     VERSION,
 };
+pub use plans::{MAX_PLAN_AHEAD_S, MAX_PLAN_ENTRIES, MAX_ZONES, Plans};
 pub use setup::{MAX_NAME_BYTES, MAX_PARAMETERS, MAX_TORQUE_POINTS, PERSON, VehicleBuild, VehicleSetup};
 pub use trajectories::{MAX_POINTS, MAX_TRAJECTORIES, pack};
 

@@ -65,12 +65,7 @@ pub(super) fn write(trajectories: &[Trajectory<Lab>], out: &mut ByteWriter) -> R
         out.u8(trajectory.indicator as u8);
         out.count("points", trajectory.points.len(), MAX_POINTS)?;
         out.u8(0);
-        for point in &trajectory.points {
-            let at = point.pose.position;
-            for number in [point.time_s, at.x, at.y, point.pose.yaw_rad, point.speed_mps] {
-                out.f64(number);
-            }
-        }
+        trajectory.points.iter().for_each(|point| write_point(*point, out));
     }
     Ok(())
 }
@@ -82,6 +77,35 @@ pub(super) fn read(from: &mut ByteReader<'_>) -> Result<Vec<Trajectory<Lab>>, De
         zero(from, "reserved")?;
     }
     (0..count).map(|_| read_one(from)).collect()
+}
+
+pub(super) fn write_point(point: TrajectoryPoint<Lab>, out: &mut ByteWriter) {
+    let TrajectoryPoint { time_s, pose, speed_mps } = point;
+    let Pose2 { position, yaw_rad, .. } = pose;
+    [time_s, position.x, position.y, yaw_rad, speed_mps].into_iter().for_each(|number| out.f64(number));
+}
+
+/// Reads a point within a range of times, later than the one before.
+pub(super) fn read_point(
+    from: &mut ByteReader<'_>,
+    (least_s, most_s): (f64, f64),
+    before_s: Option<f64>,
+) -> Result<TrajectoryPoint<Lab>, DecodeError> {
+    let time_s = from.number("time", least_s, most_s)?;
+    if before_s.is_some_and(|before_s| before_s >= time_s) {
+        return Err(from.error("time", 8, DecodeFault::NotLater));
+    }
+    let pose = read_pose(from)?;
+    let speed_mps = from.number("speed", 0.0, MAX_SPEED_MPS)?;
+    Ok(TrajectoryPoint { time_s, pose, speed_mps })
+}
+
+/// Reads a pose of the laboratory's floor.
+pub(super) fn read_pose(from: &mut ByteReader<'_>) -> Result<Pose2<Lab>, DecodeError> {
+    let x = from.number("x", -MAX_COORDINATE_M, MAX_COORDINATE_M)?;
+    let y = from.number("y", -MAX_COORDINATE_M, MAX_COORDINATE_M)?;
+    let yaw_rad = from.number("yaw", -MAX_ANGLE_RAD, MAX_ANGLE_RAD)?;
+    Ok(Pose2::new(x, y, yaw_rad))
 }
 
 pub(super) fn zero(from: &mut ByteReader<'_>, field: &'static str) -> Result<(), DecodeError> {
@@ -103,17 +127,8 @@ fn read_one(from: &mut ByteReader<'_>) -> Result<Trajectory<Lab>, DecodeError> {
     zero(from, "reserved")?;
     let mut points: Vec<TrajectoryPoint<Lab>> = Vec::with_capacity(count.into());
     for _ in 0..count {
-        let time_s = from.number("time", 0.0, MAX_TIME_S)?;
-        if points.last().is_some_and(|before| before.time_s >= time_s) {
-            return Err(from.error("time", 8, DecodeFault::NotLater));
-        }
-        let (x, y) = (
-            from.number("x", -MAX_COORDINATE_M, MAX_COORDINATE_M)?,
-            from.number("y", -MAX_COORDINATE_M, MAX_COORDINATE_M)?,
-        );
-        let yaw_rad = from.number("yaw", -MAX_ANGLE_RAD, MAX_ANGLE_RAD)?;
-        let speed_mps = from.number("speed", 0.0, MAX_SPEED_MPS)?;
-        points.push(TrajectoryPoint { time_s, pose: Pose2::new(x, y, yaw_rad), speed_mps });
+        let before_s = points.last().map(|before| before.time_s);
+        points.push(read_point(from, (0.0, MAX_TIME_S), before_s)?);
     }
     let (yielding, finished) = (flags & YIELDING != 0, flags & FINISHED != 0);
     Ok(Trajectory { vehicle, sequence, points, yielding, finished, indicator })

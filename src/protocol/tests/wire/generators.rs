@@ -3,13 +3,14 @@
 use city3d_geometry::Lab;
 use city3d_geometry::lab::Pose2;
 use city3d_protocol::snapshot::{
-    Appearance, Aspect, BodyType, DecisionReason, Drive, Indicator, ModelKind, Pedals, SignalAspects,
-    SignalHeadId, Status, TorquePoint, Trajectory, TrajectoryPoint, VehicleId, VehicleInfo, VehicleSpec,
+    Appearance, Aspect, BodyType, CoordinationUpdate, DecisionReason, Drive, Indicator, ModelKind, NoPlan,
+    Pedals, PlanPoint, PlannedPassage, SignalAspects, SignalHeadId, Status, TorquePoint, Trajectory,
+    TrajectoryPoint, VehicleId, VehicleInfo, VehicleSpec, ZoneCounts, ZoneState, ZoneVehicle,
 };
 use city3d_protocol::wire::{
     Body, CityClock, CityDescription, DatagramHeader, Decisions, Denial, DenialReason, ExperimentAction,
-    ExperimentPhase, MAX_DECISIONS, Measurement, ObservedVehicle, Poses, RequestOutcome, VehicleBuild,
-    VehicleDecision, VehicleSetup,
+    ExperimentPhase, MAX_DECISIONS, MAX_ZONES, Measurement, ObservedVehicle, Plans, Poses, RequestOutcome,
+    VehicleBuild, VehicleDecision, VehicleSetup,
 };
 use glam::{DQuat, DVec2, DVec3};
 use proptest::prelude::*;
@@ -183,6 +184,55 @@ fn decisions() -> impl Strategy<Value = Decisions> {
         .prop_map(|(time_s, vehicles)| Decisions { time_s, vehicles })
 }
 
+fn zone_state() -> impl Strategy<Value = ZoneState> {
+    let counts = (any::<u64>(), any::<u64>(), any::<u64>());
+    (0..MAX_ZONES, "[a-z-]{0,64}", counts).prop_map(|(number, name, (plans, replans, infeasible))| {
+        ZoneState { number, name, counts: ZoneCounts { plans, replans, infeasible } }
+    })
+}
+
+/// A plan that is told at a time.
+fn passage(told_s: f64) -> impl Strategy<Value = PlannedPassage<Lab>> {
+    let times = (0.0..=1e9f64, 0.0..=1e9f64);
+    let point = (0.01..=1.0f64, pose(), 0.0..=100.0f64);
+    (times, pose(), prop::collection::vec(point, 0..=PlannedPassage::<Lab>::MAX_POINTS)).prop_map(
+        move |((one_s, other_s), entry, steps)| {
+            let mut time_s = told_s;
+            let point = |(after_s, pose, speed_mps)| {
+                time_s += after_s;
+                PlanPoint { time_s, pose, speed_mps }
+            };
+            let motion = steps.into_iter().map(point).collect();
+            PlannedPassage { enters_s: one_s.min(other_s), leaves_s: one_s.max(other_s), entry, motion }
+        },
+    )
+}
+
+fn zone_vehicle(told_s: f64) -> impl Strategy<Value = ZoneVehicle<Lab>> {
+    let why = prop::sample::select(NoPlan::ALL.to_vec());
+    let plan = prop_oneof![passage(told_s).prop_map(Ok), why.prop_map(Err)];
+    (vehicle(), 0..MAX_ZONES, 0.0..=1e9f64, any::<bool>(), plan).prop_map(
+        |(id, zone, entered_s, is_standing, plan)| ZoneVehicle { id, zone, entered_s, is_standing, plan },
+    )
+}
+
+/// As much as is sure to fit in a datagram.
+fn plans() -> impl Strategy<Value = Plans> {
+    (0.0..=1e6f64).prop_flat_map(|time_s| {
+        let several = (
+            prop::collection::vec(zone_state(), 0..=10),
+            Just(Vec::new()),
+            prop::collection::vec(vehicle(), 0..=50),
+        );
+        let one = (Just(Vec::new()), prop::collection::vec(zone_vehicle(time_s), 1), Just(Vec::new()));
+        let update = prop_oneof![several.boxed(), one.boxed()];
+        update.prop_map(move |(zones, vehicles, left)| Plans {
+            time_s,
+            update: CoordinationUpdate { zones, vehicles, left },
+        })
+    })
+}
+
 pub fn body() -> impl Strategy<Value = Body> {
     let actions = vec![ExperimentAction::Start, ExperimentAction::Pause, ExperimentAction::Reset];
     let outcomes = vec![RequestOutcome::Done, RequestOutcome::Busy, RequestOutcome::Refused];
@@ -213,6 +263,8 @@ pub fn body() -> impl Strategy<Value = Body> {
         signals().prop_map(Body::ShownSignals),
         decisions().prop_map(Body::Decisions),
         decisions().prop_map(Body::ShownDecisions),
+        plans().prop_map(Body::Plans),
+        plans().prop_map(Body::ShownPlans),
     ]
 }
 

@@ -157,7 +157,7 @@ fn errors_name_field_place_and_what_would_be_right() {
     let error = planted(HEADER_BYTES + 4 + 10, &[29]);
     assert_eq!(error.to_string(), format!("points, byte {}: 29; it must be between 1 and 28", stamp - 2));
     let error = planted(5, &[99]);
-    assert_eq!(error.to_string(), "kind, byte 5: 99 is unknown; there are 1 to 11, 65 to 68, and 70 to 72");
+    assert_eq!(error.to_string(), "kind, byte 5: 99 is unknown; there are 1 to 12, 65 to 68, and 70 to 73");
     let error = planted(4, &[1]);
     assert_eq!(error.to_string(), "version, byte 4: version 1; this program speaks version 2");
     assert_eq!(

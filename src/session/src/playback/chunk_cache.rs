@@ -2,9 +2,9 @@
 //! not the least recently used (LRU): playback moves along the log.
 
 use super::playhead::{SeekTarget, TIME_TOLERANCE_S};
-use city3d_logbook::record::LoggedDecisions;
-use city3d_protocol::snapshot::{ControlDecision, FrameSnapshot};
-use city3d_simulation::runner::HeldDecisions;
+use city3d_logbook::record::{LoggedDecisions, LoggedPlans};
+use city3d_protocol::snapshot::FrameSnapshot;
+use city3d_simulation::runner::{HeldControl, HeldPlans};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
@@ -15,6 +15,8 @@ pub(super) struct ChunkContents {
     pub(super) snapshots: Vec<Arc<FrameSnapshot>>,
     /// In order of time.
     pub(super) decisions: Vec<LoggedDecisions>,
+    /// In order of time.
+    pub(super) plans: Vec<LoggedPlans>,
 }
 
 /// A decoded chunk, which is shared.
@@ -90,26 +92,31 @@ pub(super) fn bracketing(
     Ok([before, after])
 }
 
-/// The decisions that hold at a time, in id order; `None` where the log tells none there. `telling` says which chunks may
-/// have some.
+/// What the control framework had told by a time, in the part of the log in which it may still hold. `telling` says which
+/// chunks may have something of it.
 ///
 /// # Errors
 /// As for [`bracketing`].
-pub(super) fn decisions_at(
+pub(super) fn told_by(
     (begins_s, telling): (&[f64], &[bool]),
     time_s: f64,
     decoded: &mut impl FnMut(usize) -> Option<DecodedChunk>,
-) -> Result<Option<Vec<ControlDecision>>, usize> {
-    let mut held = HeldDecisions::default();
-    let (first, last) = (chunk_at(begins_s, time_s - HeldDecisions::HOLD_S), chunk_at(begins_s, time_s));
+) -> Result<HeldControl, usize> {
+    let mut held = HeldControl::default();
+    // Plans hold for longer than decisions.
+    let (first, last) = (chunk_at(begins_s, time_s - HeldPlans::HOLD_S), chunk_at(begins_s, time_s));
     let is_telling = |chunk: &usize| telling.get(*chunk).is_some_and(|is_telling| *is_telling);
+    let is_before = |told_s: f64| told_s <= time_s + TIME_TOLERANCE_S;
     for chunk in (first..begins_s.len().min(last + 1)).filter(is_telling) {
         let contents = decoded(chunk).ok_or(chunk)?;
-        for told in contents.decisions.iter().filter(|told| told.time_s <= time_s + TIME_TOLERANCE_S) {
-            told.decisions.iter().for_each(|decision| _ = held.take(told.time_s, *decision));
+        for told in contents.decisions.iter().filter(|told| is_before(told.time_s)) {
+            told.decisions.iter().for_each(|decision| _ = held.decisions.take(told.time_s, *decision));
+        }
+        for told in contents.plans.iter().filter(|told| is_before(told.time_s)) {
+            held.plans.take(told.time_s, told.update.clone());
         }
     }
-    Ok(held.at(time_s))
+    Ok(held)
 }
 
 /// The snapshot of a seek target, with its predecessor; `None` where the log has no snapshots.
@@ -149,7 +156,7 @@ pub(super) fn find(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use city3d_protocol::snapshot::VehicleId;
+    use city3d_protocol::snapshot::{ControlDecision, CoordinationUpdate, NoPlan, VehicleId, ZoneVehicle};
 
     /// Chunks that begin at 0, 1 and 3 s; the second one has no snapshots.
     const BEGINS_S: [f64; 4] = [0.0, 1.0, 2.0, 3.0];
@@ -157,7 +164,7 @@ mod tests {
     fn decoded(times_s: &[f64]) -> DecodedChunk {
         let at = |time_s: &f64| Arc::new(FrameSnapshot { time_s: *time_s, ..FrameSnapshot::default() });
         let snapshots = times_s.iter().map(at).collect();
-        Arc::new(ChunkContents { snapshots, decisions: Vec::new() })
+        Arc::new(ChunkContents { snapshots, ..ChunkContents::default() })
     }
 
     fn cache() -> [DecodedChunk; 4] {
@@ -212,7 +219,7 @@ mod tests {
         assert_eq!(nothing, Ok(None));
     }
 
-    /// A chunk that tells of vehicles at these times.
+    /// A chunk that tells decisions and plans of vehicles at these times.
     fn telling(told: &[(f64, u32)]) -> DecodedChunk {
         let at = |(time_s, vehicle): &(f64, u32)| LoggedDecisions {
             tick: 0,
@@ -223,32 +230,54 @@ mod tests {
                 ..ControlDecision::default()
             }],
         };
-        Arc::new(ChunkContents { decisions: told.iter().map(at).collect(), snapshots: Vec::new() })
+        let planned = |(time_s, vehicle): &(f64, u32)| {
+            let vehicle = ZoneVehicle {
+                id: VehicleId(*vehicle),
+                zone: 0,
+                entered_s: *time_s,
+                is_standing: false,
+                plan: Err(NoPlan::Infeasible),
+            };
+            let update = CoordinationUpdate { vehicles: vec![vehicle], ..CoordinationUpdate::default() };
+            LoggedPlans { tick: 0, time_s: *time_s, update }
+        };
+        let (decisions, plans) = (told.iter().map(at).collect(), told.iter().map(planned).collect());
+        Arc::new(ChunkContents { decisions, plans, snapshots: Vec::new() })
     }
 
     #[test]
-    fn decisions_hold_over_the_edges_of_chunks_and_not_for_ever() {
+    fn what_was_told_holds_over_the_edges_of_chunks_and_not_for_ever() {
         let cache =
             [telling(&[(0.2, 1), (0.7, 2)]), telling(&[]), telling(&[(2.0, 1), (2.5, 1)]), telling(&[])];
         let told = |time_s| {
-            let found =
-                decisions_at((&BEGINS_S, &[true; 4]), time_s, &mut |chunk| Some(Arc::clone(&cache[chunk])))
-                    .unwrap();
+            told_by((&BEGINS_S, &[true; 4]), time_s, &mut |chunk| Some(Arc::clone(&cache[chunk]))).unwrap()
+        };
+        let decided = |time_s| {
             let pair = |decision: ControlDecision| (decision.vehicle.0, decision.target_mps);
+            let found = told(time_s).decisions.at(time_s);
             found.map(|found| found.into_iter().map(pair).collect::<Vec<_>>())
         };
-        assert_eq!(told(0.1), None, "nothing was told yet");
-        assert_eq!(told(0.2), Some(vec![(1, 0.2)]));
-        assert_eq!(told(1.2), Some(vec![(1, 0.2), (2, 0.7)]));
-        assert_eq!(told(1.6), Some(vec![(2, 0.7)]));
-        assert_eq!(told(1.9), None, "it was told too long ago");
-        assert_eq!(told(2.4), Some(vec![(1, 2.0)]));
-        assert_eq!(told(3.4), Some(vec![(1, 2.5)]));
+        assert_eq!(decided(0.1), None, "nothing was told yet");
+        assert_eq!(decided(0.2), Some(vec![(1, 0.2)]));
+        assert_eq!(decided(1.2), Some(vec![(1, 0.2), (2, 0.7)]));
+        assert_eq!(decided(1.6), Some(vec![(2, 0.7)]));
+        assert_eq!(decided(1.9), None, "it was told too long ago");
+        assert_eq!(decided(2.4), Some(vec![(1, 2.0)]));
+        assert_eq!(decided(3.4), Some(vec![(1, 2.5)]));
+        let planned = |time_s| {
+            let pair = |vehicle: &ZoneVehicle| (vehicle.id.0, vehicle.entered_s);
+            let found = told(time_s).plans.at(time_s);
+            found.map(|found| found.vehicles.iter().map(pair).collect::<Vec<_>>())
+        };
+        assert_eq!(planned(0.1), None, "nothing was told yet");
+        assert_eq!(planned(1.9), Some(vec![(1, 0.2), (2, 0.7)]), "plans hold for longer");
+        assert_eq!(planned(2.6), Some(vec![(1, 2.5), (2, 0.7)]));
+        assert_eq!(planned(3.4), Some(vec![(1, 2.5)]));
         let mut later = |chunk: usize| (chunk > 0).then(|| Arc::clone(&cache[chunk]));
-        let missing = decisions_at((&BEGINS_S, &[true; 4]), 1.2, &mut later);
+        let missing = told_by((&BEGINS_S, &[true; 4]), 2.2, &mut later);
         assert_eq!(missing, Err(0), "the chunk before is wanted too");
-        let silent = decisions_at((&BEGINS_S, &[false; 4]), 1.2, &mut later);
-        assert_eq!(silent, Ok(None), "nothing is wanted where nothing is told");
+        let silent = told_by((&BEGINS_S, &[false; 4]), 1.2, &mut later);
+        assert_eq!(silent, Ok(HeldControl::default()), "nothing is wanted where nothing is told");
     }
 
     #[test]

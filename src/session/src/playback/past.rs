@@ -133,7 +133,7 @@ impl PastPlayer {
             if to_s > from_s { ((head.at_s - from_s) / (to_s - from_s)).clamp(0.0, 1.0) } else { 1.0 };
         head.before_s = from_s;
         self.head = Some(head);
-        Some((self.show(pair, live, experiment), weight))
+        Some((self.show(pair, live, (history, experiment)), weight))
     }
 
     /// The state of the run with past snapshots in place of the present ones.
@@ -141,22 +141,22 @@ impl PastPlayer {
         &mut self,
         states: [Arc<PastState>; 2],
         live: &RunState,
-        experiment: &Experiment,
+        (history, experiment): (&RunHistory, &Experiment),
     ) -> Arc<RunState> {
         let is_same = |shown: &&ShownPair| {
             shown.states.iter().zip(&states).all(|(known, wanted)| Arc::ptr_eq(known, wanted))
         };
         let known = self.shown.as_ref().filter(is_same);
-        let (before, now) = match known {
-            Some(known) => (Arc::clone(&known.run_state.before), Arc::clone(&known.run_state.now)),
+        let (before, now, coordination) = match known.map(|known| &known.run_state) {
+            Some(known) => (Arc::clone(&known.before), Arc::clone(&known.now), known.coordination.clone()),
             None => {
                 let [before, now] =
                     [&states[0], &states[1]].map(|state| Arc::new(state.snapshot(experiment)));
-                (before, now)
+                (before, now, history.plans_at(states[1].time_s()).map(Arc::new))
             }
         };
-        // Plans and decisions are those of the present.
-        let past = RunState { before, now, clock: None, coordination: None, insight: None, ..live.clone() };
+        // Decisions are those of the present.
+        let past = RunState { before, now, clock: None, coordination, insight: None, ..live.clone() };
         let run_state = Arc::new(past);
         self.shown = Some(ShownPair { states, run_state: Arc::clone(&run_state) });
         run_state

@@ -1,7 +1,7 @@
 //! The player of a log: resolves seeks, interpolates between snapshots, and requests chunks from the prefetch thread.
 
 use super::PlaybackError;
-use super::chunk_cache::{SnapshotPair, bracketing, chunk_at, decisions_at, find};
+use super::chunk_cache::{SnapshotPair, bracketing, chunk_at, find, told_by};
 use super::marks::{MarkCollector, TimelineMark};
 use super::past_cache::PastCache;
 use super::playhead::{FrameTimer, PlaybackCommand, Playhead, SeekTarget};
@@ -37,12 +37,12 @@ pub struct PlaybackStats {
     pub kept: usize,
 }
 
-/// Lookup of the decisions that hold at the shown time.
+/// Lookup of what the control framework has told that holds at the shown time.
 #[derive(Debug)]
-struct DecisionLookup {
-    /// Which chunks may have some; empty where none has.
+struct ControlLookup {
+    /// Which chunks may have something of it; empty where none has.
     telling: Vec<bool>,
-    /// Those of the shown snapshot are not known yet.
+    /// That of the shown snapshot is not known yet.
     is_pending: bool,
 }
 
@@ -63,7 +63,7 @@ pub struct Player {
     run_state: Arc<RunState>,
     weight: f64,
     requested: Option<(ReadRequest, u64)>,
-    decisions: DecisionLookup,
+    control: ControlLookup,
     past_s: f64,
     /// Revision of the past states that were read last.
     past_read: Option<u64>,
@@ -87,13 +87,13 @@ impl Player {
             ..SharedState::default()
         };
         let shared = Arc::new(ReaderMonitor::new(state));
-        let may_tell = |chunk| log.may_have(chunk, EntryFilter::Decisions);
+        let may_tell = |chunk| log.may_have(chunk, EntryFilter::Control);
         let mut telling: Vec<bool> = (0..log.chunks().len()).map(may_tell).collect();
         if !telling.contains(&true) {
             telling.clear();
         }
         let is_pending = !telling.is_empty();
-        let decisions = DecisionLookup { telling, is_pending };
+        let control = ControlLookup { telling, is_pending };
         let mut prefetcher = ChunkPrefetcher {
             log,
             begins_s: Arc::clone(&begins_s),
@@ -125,7 +125,7 @@ impl Player {
             run_state: Arc::new(run_state),
             weight: 1.0,
             requested: None,
-            decisions,
+            control,
             past_s: 0.0,
             past_read: None,
         })
@@ -159,7 +159,7 @@ impl Player {
     /// Whether the prefetch thread is idle and no seek is pending.
     pub fn is_settled(&self) -> bool {
         let state = self.shared.lock();
-        !self.is_late() && !self.decisions.is_pending && state.is_idle && state.request.is_none()
+        !self.is_late() && !self.control.is_pending && state.is_idle && state.request.is_none()
     }
 
     /// The state that was shown last.
@@ -220,7 +220,7 @@ impl Player {
             None if self.head.is_playing => self.play(passed_s),
             None => None,
         };
-        let missing = missing.or_else(|| self.look_up_decisions());
+        let missing = missing.or_else(|| self.look_up_control());
         self.request_chunks(missing, passed_s);
         (Arc::clone(&self.run_state), self.weight)
     }
@@ -288,29 +288,35 @@ impl Player {
         let phase = if self.head.is_playing { RunPhase::Running } else { RunPhase::Paused };
         let speed = Speed::Times(self.head.speed);
         if now.tick != self.run_state.now.tick {
-            self.decisions.is_pending = !self.decisions.telling.is_empty();
+            self.control.is_pending = !self.control.telling.is_empty();
         }
         self.run_state = Arc::new(RunState { before, now, phase, speed, ..RunState::clone(&self.run_state) });
     }
 
-    /// Looks up the decisions that hold in the shown snapshot; returns the missing chunk, if any. While it plays, nothing is
-    /// read for them: chunks that were played are there, and leaps at high speed would be slower.
-    fn look_up_decisions(&mut self) -> Option<usize> {
-        if !self.decisions.is_pending {
+    /// Looks up the decisions and plans that hold in the shown snapshot; returns the missing chunk, if any. While it plays,
+    /// nothing is read for them: chunks that were played are there, and leaps at high speed would be slower.
+    fn look_up_control(&mut self) -> Option<usize> {
+        if !self.control.is_pending {
             return None;
         }
+        let time_s = self.run_state.now.time_s;
         let found = {
-            let (state, time_s) = (self.shared.lock(), self.run_state.now.time_s);
-            let log = (&self.begins_s[..state.readable], &self.decisions.telling[..]);
-            decisions_at(log, time_s, &mut |chunk| state.cache.get(chunk))
+            let state = self.shared.lock();
+            let log = (&self.begins_s[..state.readable], &self.control.telling[..]);
+            told_by(log, time_s, &mut |chunk| state.cache.get(chunk))
         };
-        // Those of another time would be wrong.
-        let (told, missing) = found.map_or_else(|chunk| (None, Some(chunk)), |told| (told, None));
-        self.decisions.is_pending = missing.is_some();
-        let insight =
-            told.map(|told| Arc::new(ControlInsight { decisions: Some(told), ..ControlInsight::default() }));
-        if insight.is_some() || self.run_state.insight.is_some() {
-            self.run_state = Arc::new(RunState { insight, ..RunState::clone(&self.run_state) });
+        // What was told of another time would be wrong.
+        let (told, missing) = found.map_or_else(|chunk| (None, Some(chunk)), |told| (Some(told), None));
+        self.control.is_pending = missing.is_some();
+        let told = told.unwrap_or_default();
+        let insight = told.decisions.at(time_s).map(|decisions| {
+            Arc::new(ControlInsight { decisions: Some(decisions), ..ControlInsight::default() })
+        });
+        let coordination = told.plans.at(time_s).map(Arc::new);
+        let is_shown = self.run_state.insight.is_some() || self.run_state.coordination.is_some();
+        if insight.is_some() || coordination.is_some() || is_shown {
+            let run_state = RunState::clone(&self.run_state);
+            self.run_state = Arc::new(RunState { insight, coordination, ..run_state });
         }
         missing.filter(|_| !self.head.is_playing)
     }

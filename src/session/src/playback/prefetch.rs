@@ -165,7 +165,7 @@ impl ChunkPrefetcher {
         Some(decoded)
     }
 
-    /// Decodes the snapshots and decisions of a chunk; a damaged chunk truncates the log.
+    /// Decodes the snapshots of a chunk and what the control framework tells; a damaged chunk truncates the log.
     pub(super) fn read_chunk(&mut self, chunk: usize) -> Option<DecodedChunk> {
         match self.log.read(chunk, EntryFilter::Snapshots) {
             Ok(entries) => {
@@ -176,6 +176,7 @@ impl ChunkPrefetcher {
                             contents.snapshots.push(Arc::new(self.registry.snapshot(&logged)));
                         }
                         LogEntry::Decisions(told) => contents.decisions.push(told),
+                        LogEntry::Plans(told) => contents.plans.push(told),
                         _ => {}
                     }
                 }

@@ -2,14 +2,15 @@
 
 use super::connection::{Connection, RETRANSMIT_INTERVAL, Reply};
 use crate::decision_sampler::DecisionSampler;
-use crate::{SessionError, decisions};
+use crate::plan_sampler::PlanSampler;
+use crate::{SessionError, coordination, decisions};
 use city3d_control::Mainframe;
 use city3d_network::host::Host;
 use city3d_network::link::{Client, ClientEvent, PhysicalFleet};
 use city3d_protocol::snapshot::{Status, VehicleId, VehicleState};
 use city3d_protocol::wire::{
     Authenticator, Body, CityClock, Decisions, ExperimentAction, ExperimentPhase, Message, ObservedVehicle,
-    Poses, VehicleBuild, VehicleSetup, pack,
+    Plans, Poses, VehicleBuild, VehicleSetup, pack,
 };
 use city3d_simulation::runner::ControlLoop;
 use city3d_simulation::scenario::{Experiment, PlannedVehicle};
@@ -42,8 +43,9 @@ pub(super) struct RemoteControl {
     answered: Option<u64>,
     /// Datagrams with the commands for that tick, with their sequence numbers.
     batch: Vec<(u64, Vec<u8>)>,
-    /// What the city is told of decisions.
+    /// What the city is told of decisions and plans.
     decisions: DecisionSampler,
+    plans: PlanSampler,
     /// In lockstep, the barrier that follows them.
     barrier: Option<Body>,
     /// The experiment has come to its end.
@@ -77,6 +79,7 @@ impl RemoteControl {
             answered: None,
             batch: Vec::new(),
             decisions: DecisionSampler::default(),
+            plans: PlanSampler::default(),
             barrier: None,
             is_over: false,
             waiting: None,
@@ -128,7 +131,8 @@ impl RemoteControl {
             // Before the first session nobody was held here.
             self.control.resume(Some(&before).filter(|_| self.sessions > 0));
         }
-        (self.answered, self.barrier, self.decisions) = (None, None, DecisionSampler::default());
+        (self.answered, self.barrier) = (None, None);
+        (self.decisions, self.plans) = (DecisionSampler::default(), PlanSampler::default());
         self.sessions += 1;
         Ok(())
     }
@@ -233,15 +237,14 @@ impl RemoteControl {
             city.client.send(&barrier);
             self.barrier = Some(barrier);
         }
-        self.tell_decisions(city, (head, vehicles));
+        self.tell(city, (head, vehicles));
         Ok(())
     }
 
-    /// Tells the city why the vehicles do what they do, after the commands, for which alone it waits. What gets lost is told
-    /// again soon.
-    fn tell_decisions(&mut self, city: &mut Connection, (head, vehicles): (&Poses, &[ObservedVehicle])) {
+    /// Tells the city decisions and plans, after the commands, for which alone it waits. What gets lost is told again soon.
+    fn tell(&mut self, city: &mut Connection, (head, vehicles): (&Poses, &[ObservedVehicle])) {
         let (control, experiment) = (&self.control, &self.experiment);
-        // The city knows these; it refuses decisions that name others.
+        // The city knows these; it refuses what is told of others.
         let present: BTreeSet<VehicleId> = vehicles.iter().map(|seen| seen.pose.vehicle).collect();
         let is_known = |id: VehicleId| present.contains(&id) && !control.demand().has_left(id);
         let due = self.decisions.sample(head.time_s, || {
@@ -251,6 +254,15 @@ impl RemoteControl {
         });
         for part in Decisions::parts(head.time_s, &due, experiment.scale) {
             city.client.send(&Body::Decisions(part));
+        }
+        let mut due = self.plans.sample(head.time_s, || {
+            let mut told = coordination(control.mainframe(), experiment, head.time_s)?;
+            told.vehicles.retain(|vehicle| is_known(vehicle.id));
+            Some(told)
+        });
+        due.left.retain(|id| is_known(*id));
+        for part in Plans::parts(head.time_s, &due, experiment.scale) {
+            city.client.send(&Body::Plans(part));
         }
     }
 

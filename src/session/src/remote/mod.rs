@@ -16,9 +16,9 @@ use city3d_network::link::{Client, ClientEvent};
 use city3d_protocol::snapshot::{VehicleId, VehicleInfo};
 use city3d_protocol::wire::{
     Authenticator, Body, CityClock, CityDescription, Decisions, ExperimentAction, ExperimentPhase,
-    ObservedVehicle, Poses, RequestOutcome,
+    ObservedVehicle, Plans, Poses, RequestOutcome,
 };
-use city3d_simulation::runner::{HeldDecisions, ObservedCity};
+use city3d_simulation::runner::{HeldControl, ObservedCity};
 use city3d_simulation::scenario::Experiment;
 use connection::{Connection, HANDSHAKE_INTERVAL, REQUEST_TIMEOUT, Reply, subscription};
 use control::RemoteControl;
@@ -115,8 +115,8 @@ pub struct RemoteCity {
     has_seen: bool,
     failure: Option<SessionError>,
     infos: BTreeMap<VehicleId, VehicleInfo>,
-    /// Why vehicles do what they do, as the city tells it.
-    decisions: HeldDecisions,
+    /// Decisions and plans of its control framework, as the city tells them.
+    heard: HeldControl,
     leader: Option<String>,
     scenario: Option<String>,
     received: u64,
@@ -193,7 +193,7 @@ impl RemoteCity {
             has_seen: false,
             failure: None,
             infos: BTreeMap::new(),
-            decisions: HeldDecisions::default(),
+            heard: HeldControl::default(),
             leader: None,
             scenario: None,
             received: 0,
@@ -303,7 +303,7 @@ impl RemoteCity {
         }
         let now = self.connection.host.clock.now();
         self.ends_run |= std::mem::take(&mut self.has_begun);
-        self.decisions.clear();
+        self.heard.clear();
         self.stage = Stage::Connected(Box::new(Link {
             clock,
             reassembly: PoseReassembly::default(),
@@ -389,6 +389,7 @@ impl RemoteCity {
             ClientEvent::Body(Body::Poses(poses)) => self.take_poses(poses),
             ClientEvent::Body(Body::ShownSignals(aspects)) => self.city.show_signals(&aspects),
             ClientEvent::Body(Body::ShownDecisions(told)) => self.take_decisions(&told),
+            ClientEvent::Body(Body::ShownPlans(told)) => self.take_plans(&told),
             ClientEvent::Body(Body::Description(description)) => self.take_description(description),
             ClientEvent::Body(_) => {}
         }
@@ -440,11 +441,21 @@ impl RemoteCity {
     /// Keeps the decisions for the vehicles that are seen.
     fn take_decisions(&mut self, told: &Decisions) {
         let now = self.city.snapshot();
-        self.decisions.expire(now.time_s);
+        self.heard.expire(now.time_s);
         for decision in told.vehicles.iter().filter(|decision| now.vehicle(decision.vehicle).is_some()) {
             // One that was overtaken on its way is told anew soon.
-            self.decisions.take(told.time_s, decision.in_city(self.experiment.scale));
+            self.heard.decisions.take(told.time_s, decision.in_city(self.experiment.scale));
         }
+    }
+
+    /// Keeps the control zones, and the plans of the vehicles that are seen.
+    fn take_plans(&mut self, told: &Plans) {
+        let now = self.city.snapshot();
+        self.heard.expire(now.time_s);
+        let mut update = told.in_city(self.experiment.scale);
+        update.vehicles.retain(|vehicle| now.vehicle(vehicle.id).is_some());
+        update.left.retain(|id| now.vehicle(*id).is_some());
+        self.heard.plans.take(told.time_s, update);
     }
 
     fn take_description(&mut self, description: CityDescription) {

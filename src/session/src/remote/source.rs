@@ -8,7 +8,7 @@ use city3d_control::Mainframe;
 use city3d_logbook::record::LogOrigin;
 use city3d_protocol::snapshot::FrameSnapshot;
 use city3d_protocol::wire::{ExperimentAction, ExperimentPhase};
-use city3d_simulation::runner::{HeldDecisions, ObservedCity};
+use city3d_simulation::runner::{HeldControl, ObservedCity};
 use city3d_simulation::scenario::Experiment;
 use std::sync::Arc;
 use std::time::Duration;
@@ -30,8 +30,8 @@ impl Source for RemoteCity {
         if let Role::Control(control) = &self.role { Some(control.mainframe()) } else { None }
     }
 
-    fn told_decisions(&self) -> Option<&HeldDecisions> {
-        Some(&self.decisions)
+    fn heard(&self) -> Option<&HeldControl> {
+        Some(&self.heard)
     }
 
     fn pace(&self) -> Pace {

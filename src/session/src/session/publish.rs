@@ -2,7 +2,7 @@
 
 use super::{PUBLISH_INTERVAL, Session};
 use crate::source::{Pace, Source};
-use crate::{CoordinationState, PacingClock, RunPhase, RunState};
+use crate::{PacingClock, RunPhase, RunState, coordination};
 use std::sync::{Arc, PoisonError};
 
 impl<S: Source> Session<S> {
@@ -32,10 +32,11 @@ impl<S: Source> Session<S> {
             view.arrival_clock = Some(PacingClock::new(now, before.time_s, factor));
         }
         let clock = self.clock.or(view.arrival_clock.filter(|_| is_running));
-        let mainframe = self.source.mainframe().filter(|_| self.tells_plans);
-        let coordination = mainframe.and_then(|mainframe| {
-            CoordinationState::of(mainframe, self.source.experiment(), snapshot.time_s).map(Arc::new)
-        });
+        let coordination = match (self.tells_plans, self.source.mainframe()) {
+            (false, _) => None,
+            (true, Some(mainframe)) => coordination(mainframe, self.source.experiment(), snapshot.time_s),
+            (true, None) => self.source.heard().and_then(|held| held.plans.at(snapshot.time_s)),
+        };
         let (folder, outcome) = match &view.files {
             Some(files) => {
                 let files = files.lock().unwrap_or_else(PoisonError::into_inner);
@@ -56,7 +57,7 @@ impl<S: Source> Session<S> {
             outcome,
             link: view.link.clone(),
             ends: Arc::clone(&view.ends),
-            coordination,
+            coordination: coordination.map(Arc::new),
             insight,
             events: view.events.feed(),
             history: view.events.history(),

@@ -6,7 +6,7 @@ use city3d_logbook::record::LogOrigin;
 use city3d_protocol::snapshot::FrameSnapshot;
 use city3d_protocol::wire::ExperimentPhase;
 use city3d_session::{Inputs, LinkStatus, Now, Order, Orders, Pace, RunPhase, SessionError, Source, Step};
-use city3d_simulation::runner::{HeldDecisions, LinkSummary};
+use city3d_simulation::runner::{HeldControl, LinkSummary};
 use city3d_simulation::scenario::Experiment;
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
@@ -34,8 +34,8 @@ impl<S: Source> Source for Answering<S> {
         self.source.mainframe()
     }
 
-    fn told_decisions(&self) -> Option<&HeldDecisions> {
-        self.source.told_decisions()
+    fn heard(&self) -> Option<&HeldControl> {
+        self.source.heard()
     }
 
     fn pace(&self) -> Pace {

@@ -111,7 +111,7 @@ fn in_lockstep_the_city_is_told_too_and_its_log_keeps_it() {
 }
 
 /// The state that a player shows at a time, with all that the log tells of it.
-fn seek(player: &mut Player, time_s: f64) -> Arc<RunState> {
+pub fn seek(player: &mut Player, time_s: f64) -> Arc<RunState> {
     player.command(PlaybackCommand::Seek(time_s));
     let start = Instant::now();
     loop {
@@ -209,7 +209,7 @@ fn logs_tell_decisions_as_often_as_they_say() {
     assert!(last.values().all(|(told_s, _)| *told_s > 9.4), "{last:?}");
 }
 
-fn client(director: &Director) -> Client {
+pub fn client(director: &Director) -> Client {
     let mut client = Client::on(&director.lab.network.host(), CITY, 0, Authenticator::Checksum).unwrap();
     let until = director.lab.network.host().clock.now() + Duration::from_secs(5);
     client.send(&Body::Hello { token: 0 });

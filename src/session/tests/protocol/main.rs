@@ -19,6 +19,7 @@ mod mixed;
 mod motion;
 mod pace;
 mod person;
+mod plans;
 mod real_time;
 mod restarts;
 mod senders;

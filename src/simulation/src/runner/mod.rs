@@ -2,7 +2,7 @@
 //! and as fast as the machine.
 
 mod control;
-mod held_decisions;
+mod held;
 mod inflow_totals;
 mod observed;
 mod observer;
@@ -13,7 +13,7 @@ mod summary;
 
 pub use city3d_control::coordination::CoordinationReport;
 pub use control::ControlLoop;
-pub use held_decisions::HeldDecisions;
+pub use held::{HeldControl, HeldDecisions, HeldPlans};
 pub use inflow_totals::{InflowObserver, InflowTotals};
 pub use observed::{ObservedCity, ObservedMotion};
 pub use observer::{LaneUse, Observer, VehicleTotals};

@@ -4,11 +4,11 @@ use super::control_zones::zone_colour;
 use super::layers::Canvas;
 use super::overlay::{self, body_colour};
 use super::{DecimalSeparator, UiState, ViewModel, theme};
-use city3d_protocol::snapshot::VehicleId;
+use city3d_geometry::City;
+use city3d_protocol::snapshot::{CoordinationState, NoPlan, PlannedPassage, VehicleId};
 use city3d_render::Overlay;
-use city3d_session::{CoordinationState, NoPlan, PlannedPassage, PlannedPlace};
 use egui::{Color32, Grid, Rect, RichText, Ui, Vec2};
-use glam::DVec3;
+use glam::{DVec2, DVec3};
 
 /// Half the width of the bar at the entry of the junction.
 const BAR_HALF_M: f64 = 1.9;
@@ -19,6 +19,30 @@ const ROW: f32 = 17.0;
 const ROWS: u8 = 5;
 /// Vehicles that the order of a zone lists at most.
 const LISTED: usize = 8;
+/// Time between two places of a way, seconds: a whole number of them is a second.
+const PLACE_STEP_S: f64 = 0.5;
+/// Most places of a way: those of the longest plan.
+const PLACES: u32 = (PlannedPassage::<City>::LONGEST_S / PLACE_STEP_S) as u32;
+
+/// Where a vehicle will be.
+struct PlannedPlace {
+    /// Seconds from now.
+    in_s: f64,
+    /// Of the front bumper.
+    position: DVec2,
+}
+
+/// Where the front bumper of a vehicle will be: now and every [`PLACE_STEP_S`] until it leaves, as far as its plan tells.
+fn places(plan: &PlannedPassage, now_s: f64) -> impl Iterator<Item = PlannedPlace> + '_ {
+    let times = (0..=PLACES).map(|k| f64::from(k) * PLACE_STEP_S);
+    times.filter_map(move |in_s| Some(PlannedPlace { in_s, position: plan.position_at(now_s + in_s)? }))
+}
+
+/// The way of the front bumper from now until the vehicle leaves, as far as its plan tells.
+fn way(plan: &PlannedPassage, now_s: f64) -> Vec<DVec3> {
+    let end = plan.motion.last().filter(|end| end.time_s > now_s).map(|end| end.pose.position);
+    places(plan, now_s).map(|place| place.position).chain(end).map(overlay::above).collect()
+}
 
 /// Vehicles with plans, in the order of entry.
 fn planned<'a>(shown: &'a ViewModel<'_>) -> Vec<(VehicleId, &'a PlannedPassage)> {
@@ -39,11 +63,10 @@ pub(super) fn add(to: &mut Overlay, state: &UiState, shown: &ViewModel<'_>) {
     for (id, plan) in planned(shown) {
         let colour = body_colour(shown, id);
         let is_selected = state.selection.vehicle == Some(id);
-        let way: Vec<_> = plan.places.iter().map(|place| overlay::above(place.pose.position)).collect();
-        to.polyline(&way, if is_selected { 3.0 } else { 1.5 }, overlay::paint(colour, 0.8));
+        to.polyline(&way(plan, now_s), if is_selected { 3.0 } else { 1.5 }, overlay::paint(colour, 0.8));
         let radius_m = if is_selected { 0.55 } else { 0.35 };
-        for place in plan.places.iter().filter(|place| is_second(place)) {
-            overlay::disc(to, place.pose.position, radius_m, overlay::paint(colour, 1.0));
+        for place in places(plan, now_s).filter(is_second) {
+            overlay::disc(to, place.position, radius_m, overlay::paint(colour, 1.0));
         }
         if plan.enters_s > now_s {
             let bar = bar(plan);
@@ -64,14 +87,14 @@ pub(super) fn paint(canvas: &Canvas<'_>, state: &UiState, shown: &ViewModel<'_>)
         entry(canvas, plan, (body_colour(shown, *id), &text), &mut taken);
     }
     if let Some((_, plan)) = planned.iter().find(|(id, _)| Some(*id) == state.selection.vehicle) {
-        seconds(canvas, plan, &mut taken);
+        seconds(canvas, (plan, now_s), &mut taken);
     }
 }
 
 /// Numbers the seconds, beside the dots.
-fn seconds(canvas: &Canvas<'_>, plan: &PlannedPassage, taken: &mut Vec<Rect>) {
-    for place in plan.places.iter().filter(|place| is_second(place)) {
-        if let Some(at) = canvas.place(overlay::above(place.pose.position)) {
+fn seconds(canvas: &Canvas<'_>, (plan, now_s): (&PlannedPassage, f64), taken: &mut Vec<Rect>) {
+    for place in places(plan, now_s).filter(is_second) {
+        if let Some(at) = canvas.place(overlay::above(place.position)) {
             canvas.text(at + BESIDE_DOT, &format!("{:.0} s", place.in_s), Color32::WHITE, taken);
         }
     }
@@ -98,18 +121,23 @@ fn entry(canvas: &Canvas<'_>, plan: &PlannedPassage, (colour, text): (Color32, &
     }
 }
 
-/// The plan of a vehicle in words, and what they mean; `None` where the scenario has no control zones.
+/// Whether there are control zones: in the scenario, or as a control framework elsewhere tells of them.
+pub(super) fn has_zones(shown: &ViewModel<'_>) -> bool {
+    !shown.control_zones.is_empty() || shown.run_state.coordination.is_some()
+}
+
+/// The plan of a vehicle in words, and what they mean; `None` where there are no control zones.
 pub(super) fn words(
     shown: &ViewModel<'_>,
     id: VehicleId,
     decimal: DecimalSeparator,
 ) -> Option<(String, &'static str)> {
-    if shown.control_zones.is_empty() {
+    if !has_zones(shown) {
         return None;
     }
     let Some(coordination) = &shown.run_state.coordination else {
         let tip =
-            "Plans are known only where the control framework runs in this window and coordinates vehicles";
+            "Not told by this source: its control framework coordinates nobody, or does not tell its plans";
         return Some(("Plan: -".to_owned(), tip));
     };
     let Some(vehicle) = coordination.vehicle(id) else {
@@ -159,7 +187,7 @@ const COLUMNS: [(&str, &str); 8] = [
 
 /// The queue of each control zone: numbers, and who enters its conflicts next.
 pub(super) fn queue(ui: &mut Ui, shown: &ViewModel<'_>) {
-    let coordination = shown.run_state.coordination.as_deref();
+    let (coordination, zones) = (shown.run_state.coordination.as_deref(), zones(shown));
     ui.label(RichText::new("Queue and plans").strong());
     Grid::new("queue").striped(true).spacing([14.0, 3.0]).show(ui, |ui| {
         for (title, tip) in COLUMNS {
@@ -167,10 +195,10 @@ pub(super) fn queue(ui: &mut Ui, shown: &ViewModel<'_>) {
         }
         ui.end_row();
         let measured: Vec<_> = shown.traffic.measures().zones().collect();
-        for (zone, area) in shown.control_zones.iter().enumerate() {
-            ui.label(RichText::new(&area.name).color(theme::on_ground(ui.ctx(), zone_colour(zone))));
-            let cells = match (coordination, measured.get(zone)) {
-                (Some(coordination), _) => numbers(coordination, zone),
+        for zone in &zones {
+            ui.label(RichText::new(zone.name).color(theme::on_ground(ui.ctx(), zone.colour())));
+            let cells = match (coordination, measured.get(zone.place)) {
+                (Some(coordination), _) => numbers(coordination, zone.number),
                 (None, Some((_, traffic))) => {
                     let mut cells = ["-"; 7].map(str::to_owned);
                     (cells[0], cells[3]) =
@@ -186,22 +214,54 @@ pub(super) fn queue(ui: &mut Ui, shown: &ViewModel<'_>) {
         }
     });
     let Some(coordination) = coordination else {
-        let text = "Plans are not told by this source: they are those of a control framework in this window.";
+        let text = "Plans are not told by this source: its control framework coordinates nobody, or does not tell them.";
         ui.label(RichText::new(text).small().weak());
         return;
     };
     let decimal = theme::decimal(ui.ctx());
-    for (zone, area) in shown.control_zones.iter().enumerate() {
-        let text =
-            RichText::new(format!("{}: {}", area.name, order(coordination, zone, (shown, decimal)))).small();
-        ui.label(text).on_hover_text("By the time at which the front bumper enters the first conflict");
+    for zone in &zones {
+        let text = format!("{}: {}", zone.name, order(coordination, zone.number, (shown, decimal)));
+        ui.label(RichText::new(text).small())
+            .on_hover_text("By the time at which the front bumper enters the first conflict");
     }
 }
 
-fn numbers(coordination: &CoordinationState, zone: usize) -> [String; 7] {
+/// A control zone in the panel.
+struct ListedZone<'a> {
+    name: &'a str,
+    /// Its number in what is told.
+    number: u16,
+    /// Its place in the scenario; behind all of them for a zone that the scenario here does not have.
+    place: usize,
+}
+
+impl ListedZone<'_> {
+    fn colour(&self) -> Color32 {
+        zone_colour(self.place)
+    }
+}
+
+/// The zones that are told, or else those of the scenario.
+fn zones<'a>(shown: &ViewModel<'a>) -> Vec<ListedZone<'a>> {
+    let areas = shown.control_zones;
+    let told = shown.run_state.coordination.as_ref().map_or(&[][..], |told| &told.zones[..]);
+    if told.is_empty() {
+        let own = areas.iter().enumerate().zip(0..);
+        return own.map(|((place, area), number)| ListedZone { name: &area.name, number, place }).collect();
+    }
+    let listed = told.iter().map(|zone| {
+        let known = areas.iter().position(|area| area.name == zone.name);
+        let place = known.unwrap_or(areas.len() + usize::from(zone.number));
+        ListedZone { name: &zone.name, number: zone.number, place }
+    });
+    listed.collect()
+}
+
+fn numbers(coordination: &CoordinationState, zone: u16) -> [String; 7] {
     let inside = || coordination.vehicles.iter().filter(move |vehicle| vehicle.zone == zone);
     let planned = inside().filter(|vehicle| vehicle.plan.is_ok()).count();
-    let counts = coordination.counts.get(zone).copied().unwrap_or_default();
+    let told = coordination.zones.iter().find(|told| told.number == zone);
+    let counts = told.map(|told| told.counts).unwrap_or_default();
     [
         inside().count().to_string(),
         planned.to_string(),
@@ -216,7 +276,7 @@ fn numbers(coordination: &CoordinationState, zone: usize) -> [String; 7] {
 /// Who enters the conflicts of a zone next, and in how many seconds; then those without plans.
 fn order(
     coordination: &CoordinationState,
-    zone: usize,
+    zone: u16,
     (shown, decimal): (&ViewModel<'_>, DecimalSeparator),
 ) -> String {
     let now_s = shown.run_state.now.time_s;

@@ -170,8 +170,7 @@ pub fn show_all(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>, actions
     if let (true, Some(vehicle)) = (add.clicked(), selected) {
         state.toggle_preview(vehicle);
     }
-    let layout =
-        PreviewLayout::of(state.previews.len(), ui.available_size(), !shown.control_zones.is_empty());
+    let layout = PreviewLayout::of(state.previews.len(), ui.available_size(), plans::has_zones(shown));
     egui::ScrollArea::vertical().auto_shrink(false).show(ui, |ui| {
         let mut previews = std::mem::take(&mut state.previews);
         previews.retain_mut(|preview| {

@@ -21,7 +21,7 @@ pub(super) fn show(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>) {
     egui::ScrollArea::both().auto_shrink(false).show(ui, |ui| {
         flow(ui, shown.traffic);
         ui.separator();
-        if !shown.control_zones.is_empty() {
+        if plans::has_zones(shown) {
             plans::queue(ui, shown);
             ui.separator();
         }

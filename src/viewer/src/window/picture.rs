@@ -50,6 +50,7 @@ pub fn picture(subject: &WindowSubject, options: &WindowOptions) -> Result<Windo
             None
         }
         WindowSubject::City(city) => {
+            viewer.ask_for_plans(true);
             wait_for_city(&viewer, options.at_s.unwrap_or(0.0), &city.request.scenario)?;
             None
         }

@@ -474,9 +474,11 @@ impl ViewerState {
         }
     }
 
-    /// Asks the run for plans while they are on display.
+    /// Asks the run for plans while they are on display. A control framework elsewhere may have another scenario than this
+    /// window.
     pub fn ask_for_plans(&mut self, shows_plans: bool) {
-        let wants = shows_plans && !self.scenario_info.control_zones.is_empty();
+        let may_be_told = self.city != CityKind::Local || !self.scenario_info.control_zones.is_empty();
+        let wants = shows_plans && may_be_told;
         if wants != self.asks_for_plans && self.send(Order::TellPlans(wants)) {
             self.asks_for_plans = wants;
         }

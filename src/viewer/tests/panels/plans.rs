@@ -2,20 +2,29 @@
 
 use super::city::{has_text, texts};
 use super::desk::{Desk, click, harness, press};
+use city3d_geometry::LengthScale;
+use city3d_logbook::record::LogOrigin;
 use city3d_protocol::snapshot::VehicleId;
-use city3d_session::CoordinationState;
-use city3d_simulation::runner::Run;
-use city3d_simulation::scenario::{Library, Overrides, read_experiment};
-use city3d_viewer::ui::{ControlZoneArea, LiveTraffic};
+use city3d_protocol::wire::Plans;
+use city3d_session::playback::{PlaybackCommand, Player};
+use city3d_session::{FileOptions, Inputs, Moment, RunFiles, RunFolders, RunState, coordination};
+use city3d_simulation::runner::{HeldPlans, Run};
+use city3d_simulation::scenario::{Experiment, Library, Overrides, read_experiment};
+use city3d_viewer::ui::{CityKind, ControlZoneArea, LiveTraffic};
 use egui_kittest::Harness;
 use egui_kittest::kittest::Queryable;
+use std::path::Path;
 use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+fn experiment() -> Arc<Experiment> {
+    let (text, library) = Library::scenario("roundabout-coordinated").unwrap();
+    Arc::new(read_experiment("test", &text, &library, Overrides::default()).unwrap())
+}
 
 /// The coordinated roundabout after eight seconds.
 fn coordinated() -> Desk {
-    let (text, library) = Library::scenario("roundabout-coordinated").unwrap();
-    let experiment = read_experiment("test", &text, &library, Overrides::default()).unwrap();
-    let experiment = Arc::new(experiment);
+    let experiment = experiment();
     let mut run = Run::new(Arc::clone(&experiment)).unwrap();
     let mut traffic = LiveTraffic::new(&experiment);
     while run.snapshot().tick < 800 {
@@ -25,7 +34,7 @@ fn coordinated() -> Desk {
     let mut desk = Desk::with(run.snapshot().clone());
     (desk.traffic, desk.map) = (traffic, Arc::clone(&experiment.city_map));
     desk.control_zones = ControlZoneArea::all(&experiment);
-    let told = CoordinationState::of(run.mainframe(), &experiment, run.snapshot().time_s);
+    let told = coordination(run.mainframe(), &experiment, run.snapshot().time_s);
     desk.run_state.coordination = told.map(Arc::new);
     desk
 }
@@ -120,4 +129,106 @@ fn the_panel_traffic_lists_the_queue_in_the_order_of_entry() {
     harness.state_mut().run_state.coordination = None;
     harness.run_steps(3);
     harness.get_by_label_contains("Plans are not told by this source");
+}
+
+/// What a window shows of plans in words: over the city, in the preview of a vehicle, and in the panel Traffic.
+fn shown_words(mut desk: Desk, vehicle: VehicleId) -> Vec<String> {
+    desk.state.selection.vehicle = Some(vehicle);
+    desk.state.toggle_preview(vehicle);
+    desk.state.open.traffic = true;
+    let mut harness = harness(desk);
+    harness.run_steps(3);
+    let is_of_plans = |text: &String| {
+        let is_number =
+            text.ends_with(" s") && text.chars().next().is_some_and(|first| first.is_ascii_digit());
+        is_number || text.starts_with("Plan: ") || text.starts_with("west-roundabout")
+    };
+    let mut words: Vec<String> = texts(&harness).into_iter().filter(is_of_plans).collect();
+    words.sort();
+    words
+}
+
+#[test]
+fn of_a_city_elsewhere_the_same_is_shown_as_where_the_control_framework_is() {
+    let scale = LengthScale::TESTBED;
+    let mut desk = coordinated();
+    let (last, enters_s, leaves_s) = *planned(&desk).last().unwrap();
+    let here = shown_words(coordinated(), last);
+    let plan = format!("Plan: enters junction in {enters_s:.1} s, leaves in {leaves_s:.1} s");
+    assert!(here.contains(&plan) && here.len() > 6, "{here:?}");
+    // The city has told its plans half a second ago.
+    let told_s = desk.run_state.now.time_s - 0.5;
+    let mut held = HeldPlans::default();
+    let state = desk.run_state.coordination.as_deref().unwrap().clone();
+    for part in Plans::parts(told_s, &state.into(), scale) {
+        held.take(told_s, part.in_city(scale));
+    }
+    desk.run_state.coordination = held.at(desk.run_state.now.time_s).map(Arc::new);
+    desk.city = CityKind::Elsewhere;
+    assert_eq!(shown_words(desk, last), here);
+}
+
+#[test]
+fn zones_that_the_scenario_here_does_not_have_are_listed_as_they_are_told() {
+    let mut desk = coordinated();
+    desk.control_zones.clear();
+    desk.city = CityKind::Elsewhere;
+    let counts = desk.run_state.coordination.as_ref().unwrap().zones[0].counts;
+    assert!(counts.plans > 0);
+    let mut harness = harness(desk);
+    press(&mut harness, egui::Key::F4);
+    harness.get_by_label("Queue and plans");
+    harness.get_by_label_contains("west-roundabout: path");
+    assert!(harness.query_all_by_label(&counts.plans.to_string()).count() > 0, "{:?}", texts(&harness));
+    // Without zones and plans there is no such table.
+    harness.state_mut().run_state.coordination = None;
+    harness.run_steps(3);
+    assert!(harness.query_by_label("Queue and plans").is_none());
+}
+
+/// Records nine seconds of the coordinated roundabout.
+fn record(folder: &Path) {
+    let experiment = experiment();
+    let mut run = Run::new(Arc::clone(&experiment)).unwrap();
+    let folders = RunFolders::parts(Some(folder.to_path_buf()));
+    let mut files = RunFiles::new(folders, LogOrigin::Run, FileOptions::default());
+    files.begin(&experiment).unwrap();
+    files.record_or_fail(&Moment::first(&experiment, run.snapshot())).unwrap();
+    while run.snapshot().tick < 900 {
+        let from = (run.snapshot().tick, run.snapshot().time_s);
+        run.step();
+        let inputs = Inputs::Commands(run.commands());
+        let moment = Moment::tick(&experiment, run.snapshot(), inputs, Some(run.mainframe()), from);
+        files.record_or_fail(&moment).unwrap();
+    }
+    files.conclude(&Moment::first(&experiment, run.snapshot()), false).unwrap();
+}
+
+/// The state of a log after eight seconds.
+fn replayed(folder: &Path) -> (Arc<RunState>, Vec<ControlZoneArea>) {
+    let mut player = Player::open(&folder.join("run.mcap"), Box::new(|| {})).unwrap();
+    player.command(PlaybackCommand::Seek(8.0));
+    let start = Instant::now();
+    loop {
+        let (state, _) = player.advance(start);
+        if player.is_settled() {
+            return (state, ControlZoneArea::all(player.experiment()));
+        }
+        assert!(start.elapsed() < Duration::from_secs(60), "it is never read");
+        std::thread::yield_now();
+    }
+}
+
+#[test]
+fn of_a_log_the_same_is_shown_as_in_its_run() {
+    let folder = tempfile::tempdir().unwrap();
+    record(folder.path());
+    let (state, control_zones) = replayed(folder.path());
+    let mut desk = coordinated();
+    let (last, ..) = *planned(&desk).last().unwrap();
+    let live = shown_words(coordinated(), last);
+    assert_eq!(state.now.time_s, desk.run_state.now.time_s);
+    desk.run_state = RunState::clone(&state);
+    desk.control_zones = control_zones;
+    assert_eq!(shown_words(desk, last), live);
 }

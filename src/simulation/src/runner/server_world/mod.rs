@@ -4,6 +4,7 @@
 
 mod decisions;
 mod drive;
+mod plans;
 mod role;
 mod setup;
 #[cfg(test)]
@@ -11,7 +12,7 @@ mod tests;
 
 use self::drive::Driver;
 use self::role::Act;
-use super::{HeldDecisions, pose_bodies};
+use super::{HeldControl, pose_bodies};
 use crate::scenario::Experiment;
 use crate::sim::World;
 use city3d_geometry::Lab;
@@ -162,8 +163,8 @@ pub struct ServerWorld {
     leader: Option<SenderNumber>,
     dropped: Vec<DropReason>,
     resets: ResetLimit,
-    /// Why vehicles do what they do, as their senders tell.
-    decisions: HeldDecisions,
+    /// Decisions and plans, as the senders of the vehicles tell them.
+    heard: HeldControl,
 }
 
 impl ServerWorld {
@@ -183,7 +184,7 @@ impl ServerWorld {
             leader: None,
             dropped: Vec::new(),
             resets: ResetLimit::default(),
-            decisions: HeldDecisions::default(),
+            heard: HeldControl::default(),
         }
     }
 
@@ -220,6 +221,10 @@ impl ServerWorld {
                 self.hear_decisions(sender, &told);
                 return None;
             }
+            Body::Plans(told) => {
+                self.hear_plans(sender, &told);
+                return None;
+            }
             Body::Drive { vehicle, sequence, pedals } => {
                 let refusal = self.drive(sender, now_s, vehicle, sequence, pedals).err();
                 self.dropped.extend(refusal);
@@ -243,6 +248,7 @@ impl ServerWorld {
             | Body::Description(_)
             | Body::ShownSignals(_)
             | Body::ShownDecisions(_)
+            | Body::ShownPlans(_)
             | Body::Challenge { .. } => return None,
         };
         let answer = Body::Ack { request: request?, outcome, tick: self.snapshot.tick, detail };
@@ -395,7 +401,7 @@ impl ServerWorld {
             return self.refuse_not_owner(&format!("has set up vehicle {vehicle}"));
         }
         self.vehicles.remove(&vehicle);
-        self.decisions.forget(vehicle);
+        self.heard.forget(vehicle);
         let body = Body::Remove { request, vehicle };
         self.push(PendingCommand { sender, body, command: SimCommand::Remove(vehicle) });
         (RequestOutcome::Done, String::new())
@@ -509,7 +515,7 @@ impl ServerWorld {
                 SimCommand::Reset => {
                     let experiment = self.world.experiment();
                     self.spawned.retain(|applied| !applied.is_arrival_of(experiment));
-                    self.decisions.clear();
+                    self.heard.clear();
                 }
                 _ => {}
             }
@@ -518,7 +524,7 @@ impl ServerWorld {
         }
         self.pending = pending;
         self.world.tick_into(&self.commands, &mut self.snapshot);
-        self.decisions.expire(self.snapshot.time_s);
+        self.heard.expire(self.snapshot.time_s);
         &self.snapshot
     }
 

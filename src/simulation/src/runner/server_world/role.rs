@@ -40,6 +40,8 @@ pub(super) enum Act {
     },
     /// To have a vehicle follow a trajectory.
     Follow,
+    /// To say what happens in control zones.
+    TellZones,
     /// To drive a vehicle by its pedals, or to hand it back.
     Drive {
         /// The laboratory's vehicles have their own drivers.
@@ -58,7 +60,7 @@ impl Role {
             (Self::Operator, _) => false,
             (Self::Owner, Act::Drive { is_physical, has_operator }) => !is_physical && !has_operator,
             (Self::Owner, Act::TakeOver { .. } | Act::Remove { .. } | Act::Follow) => true,
-            (Self::Leader, Act::SetUp { .. }) => true,
+            (Self::Leader, Act::SetUp { .. } | Act::TellZones) => true,
             (Self::Leader, Act::Remove { is_orphaned }) => is_orphaned,
             (Self::Leader | Self::Stranger, Act::TakeOver { is_orphaned }) => is_orphaned,
             (Self::Stranger, Act::SetUp { has_room }) => has_room,

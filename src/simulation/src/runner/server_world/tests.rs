@@ -1,6 +1,8 @@
 //! Who may do what in a served city, and who drives.
 
-use super::{AppliedBody, HeldDecisions, OPERATOR, SenderNumber, ServerRules, ServerWorld};
+mod plans;
+
+use super::{AppliedBody, HeldControl, OPERATOR, SenderNumber, ServerRules, ServerWorld};
 use crate::scenario::{Library, Overrides, read_experiment};
 use crate::sim::World;
 use city3d_geometry::lab::Pose2;
@@ -458,7 +460,7 @@ fn owners_tell_why_their_vehicles_do_what_they_do_and_others_are_counted() {
     tell(&mut world, LEADER, now_s + 100.0, &[of(LED, None)]);
     let dropped = [DropReason::UnknownVehicle, DropReason::NotYours, DropReason::Ahead];
     assert_eq!(world.drain_dropped().collect::<Vec<_>>(), dropped);
-    let told = world.decisions().at(now_s).unwrap();
+    let told = world.heard().decisions.at(now_s).unwrap();
     assert_eq!(told, [of(LED, Some(OWN)).in_city(world.experiment().scale)]);
     assert_eq!(told[0].place, Some(DVec2::new(25.0, -50.0)), "full scale");
     // It is shown to people, and nothing else.
@@ -466,9 +468,9 @@ fn owners_tell_why_their_vehicles_do_what_they_do_and_others_are_counted() {
     assert_eq!(world.snapshot().state_hash, before);
     // It holds for a while; what comes late is not taken.
     (0..60).for_each(|_| _ = world.tick());
-    assert!(world.decisions().at(world.snapshot().time_s).is_some());
+    assert!(world.heard().decisions.at(world.snapshot().time_s).is_some());
     (0..60).for_each(|_| _ = world.tick());
-    assert_eq!(world.decisions().at(world.snapshot().time_s), None);
+    assert_eq!(world.heard().decisions.at(world.snapshot().time_s), None);
     let now_s = world.snapshot().time_s;
     tell(&mut world, LEADER, 0.0, &[of(LED, None)]);
     tell(&mut world, LEADER, now_s, &[of(LED, None)]);
@@ -477,7 +479,7 @@ fn owners_tell_why_their_vehicles_do_what_they_do_and_others_are_counted() {
     assert_eq!(world.drain_dropped().collect::<Vec<_>>(), dropped);
     operate(&mut world, ExperimentAction::Reset);
     world.tick();
-    assert_eq!(world.decisions(), &HeldDecisions::default());
+    assert_eq!(world.heard(), &HeldControl::default());
 }
 
 /// A city with the signals of one junction, led by a sender with one vehicle.

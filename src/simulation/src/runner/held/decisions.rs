@@ -1,18 +1,20 @@
-//! Decisions of a control framework that were told at intervals, and hold until the next ones or for some time: of a city
-//! elsewhere, or of a log. They are shown to people; no state depends on them.
+//! Decisions of a control framework that were told at intervals.
 
+use super::LatestValues;
 use city3d_protocol::snapshot::{ControlDecision, VehicleId};
-use city3d_protocol::wire::MAX_AHEAD_S;
-use std::collections::BTreeMap;
 
-/// The latest decision of each vehicle, with the simulated time at which it was told, seconds.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct HeldDecisions(BTreeMap<VehicleId, (f64, ControlDecision)>);
+/// The latest decision of each vehicle.
+#[derive(Clone, Debug, PartialEq)]
+pub struct HeldDecisions(LatestValues<VehicleId, ControlDecision>);
 
 /// A decision is told again after half a second at most: this lets one of those get lost.
 const HOLD_S: f64 = 1.1;
-/// Rounding error of times.
-const ROUNDING_S: f64 = 1e-6;
+
+impl Default for HeldDecisions {
+    fn default() -> Self {
+        Self(LatestValues::holding_for(HOLD_S))
+    }
+}
 
 impl HeldDecisions {
     /// How long a decision holds after it was told, simulated seconds.
@@ -20,39 +22,25 @@ impl HeldDecisions {
 
     /// Takes a decision that was told at `told_s`; `false` where a newer one is known.
     pub fn take(&mut self, told_s: f64, decision: ControlDecision) -> bool {
-        let is_newest = self.0.get(&decision.vehicle).is_none_or(|(known_s, _)| *known_s <= told_s);
-        if is_newest {
-            self.0.insert(decision.vehicle, (told_s, decision));
-        }
-        is_newest
+        self.0.take(told_s, decision.vehicle, decision)
     }
 
     /// Forgets what does not hold at `now_s`: what was told too long ago, and, after a reset of the clock, what was told
     /// later.
     pub fn expire(&mut self, now_s: f64) {
-        self.0.retain(|_, (told_s, _)| holds(*told_s, now_s));
+        self.0.expire(now_s);
     }
 
     /// Forgets the decision for a vehicle.
     pub fn forget(&mut self, vehicle: VehicleId) {
-        self.0.remove(&vehicle);
-    }
-
-    /// Forgets all of them.
-    pub fn clear(&mut self) {
-        self.0.clear();
+        self.0.forget(&vehicle);
     }
 
     /// Those that hold at `now_s`, in id order; `None` where there are none, for then nobody tells any.
     pub fn at(&self, now_s: f64) -> Option<Vec<ControlDecision>> {
-        let held = self.0.values().filter(|(told_s, _)| holds(*told_s, now_s));
-        let decisions: Vec<ControlDecision> = held.map(|(_, decision)| *decision).collect();
+        let decisions: Vec<ControlDecision> = self.0.at(now_s).copied().collect();
         (!decisions.is_empty()).then_some(decisions)
     }
-}
-
-fn holds(told_s: f64, now_s: f64) -> bool {
-    (-MAX_AHEAD_S..=HOLD_S + ROUNDING_S).contains(&(now_s - told_s))
 }
 
 #[cfg(test)]
@@ -85,7 +73,6 @@ mod tests {
         assert_eq!(held.at(0.1), None);
         held.expire(0.1);
         assert!(held.take(0.1, of(1, 6.0)));
-        held.clear();
-        assert_eq!(held.at(0.1), None);
+        assert_eq!(held.at(0.1), Some(vec![of(1, 6.0)]));
     }
 }
