@@ -208,7 +208,7 @@ fn show(
         let colour = theme::on_panel(ui.ctx(), vehicle.status);
         let text = RichText::new(status::label(vehicle.status)).color(colour);
         ui.label(text).on_hover_ui(|ui| {
-            _ = ui.label(status::reason(&commands::key_map::of(ui.ctx()), vehicle, info, shown.map))
+            _ = ui.label(status::reason(&commands::key_map::of(ui.ctx()), vehicle, info, shown.map));
         });
         ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
             is_kept = !ui.small_button("x").on_hover_text("Close this preview").clicked();
