@@ -1,8 +1,6 @@
 //! State of a session as a window shows it.
 
-use super::{
-    ControlInsight, DecisionFeed, EventFeed, HistoryFeed, PacingClock, RunGoal, RunTraffic, Speed,
-};
+use super::{ControlInsight, DecisionFeed, EventFeed, HistoryFeed, PacingClock, RunGoal, RunTraffic, Speed};
 use city3d_protocol::snapshot::{CoordinationState, FrameSnapshot, VehicleId};
 use city3d_simulation::runner::Summary;
 use std::path::PathBuf;

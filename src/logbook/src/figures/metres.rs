@@ -32,7 +32,9 @@ impl FigureSet<'_> {
     pub(super) fn columns(&self) -> [&'static str; 2] {
         match self.scale {
             None => ["position_m", "speed_mps"],
-            Some(FigureScale::City | FigureScale::CityMetresPerSecond) => ["position_city_m", "speed_city_mps"],
+            Some(FigureScale::City | FigureScale::CityMetresPerSecond) => {
+                ["position_city_m", "speed_city_mps"]
+            }
             Some(FigureScale::Laboratory) => ["position_lab_m", "speed_lab_mps"],
         }
     }

@@ -156,7 +156,8 @@ impl FigureSet<'_> {
             .filter(|(_, stroke)| bars.contains(stroke))
             .map(|(name, stroke)| LegendEntry { name: name.to_owned(), stroke })
             .collect();
-        figure.scale = Some(ColourBar { label: format!("Speed {}", self.unit("m/s")), from: 0.0, to: fastest });
+        figure.scale =
+            Some(ColourBar { label: format!("Speed {}", self.unit("m/s")), from: 0.0, to: fastest });
         figure.note = format!("Speeds are means over {AVERAGED_S} s. {}", self.origin_note());
         figure
     }

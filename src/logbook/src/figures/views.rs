@@ -168,10 +168,7 @@ impl<'a> FigureSet<'a> {
             }
             None => {
                 let by = (0..self.layout.streams.len()).map(|k| format!("{} (Path {})", lane(k), k + 1));
-                format!(
-                    "{frame}, front bumper. 0 is the beginning of {}.",
-                    by.collect::<Vec<_>>().join(", ")
-                )
+                format!("{frame}, front bumper. 0 is the beginning of {}.", by.collect::<Vec<_>>().join(", "))
             }
         }
     }
