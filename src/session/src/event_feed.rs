@@ -154,7 +154,7 @@ fn tell_priority(marks: &mut [TimelineMark], moment: &Moment<'_>) {
     }
     let told = match moment.mainframe {
         Some(mainframe) => Some(decisions(mainframe, moment.experiment)),
-        None => moment.told_decisions.and_then(|told| told.at(moment.snapshot.time_s)),
+        None => moment.heard.and_then(|heard| heard.decisions.at(moment.snapshot.time_s)),
     };
     let told = told.unwrap_or_default();
     for mark in marks.iter_mut().filter(|mark| yields(mark)) {

@@ -278,11 +278,11 @@ impl ChunkPrefetcher {
     /// Names whom vehicles yield to, by the decisions in a chunk: the first ones after each event, or the last before it.
     fn tell_priority(&mut self, chunk: usize, found: &mut [TimelineMark]) {
         let yields = |mark: &TimelineMark| mark.what == Occurrence::Event(EventKind::Yield);
-        if !found.iter().any(yields) || !self.log.may_have(chunk, EntryFilter::Decisions) {
+        if !found.iter().any(yields) || !self.log.may_have(chunk, EntryFilter::Control) {
             return;
         }
         // What cannot be read is found where the snapshots are.
-        let entries = self.log.read(chunk, EntryFilter::Decisions).unwrap_or_default();
+        let entries = self.log.read(chunk, EntryFilter::Control).unwrap_or_default();
         let told: Vec<&LoggedDecisions> = entries
             .iter()
             .filter_map(|entry| if let LogEntry::Decisions(told) = entry { Some(told) } else { None })

@@ -116,7 +116,7 @@ fn of_vehicle(
     actions: &mut Vec<UiAction>,
 ) {
     let id = vehicle.id;
-    let (scale, units) = (shown.scale(), state.preferences.units);
+    let (scale, units, decimal) = (shown.scale(), state.preferences.units, state.preferences.decimal);
     ui.strong(format!("{id} {}", vehicle.name));
     let mut change = None;
     Grid::new("edited vehicle").num_columns(2).spacing([10.0, 4.0]).show(ui, |ui| {
@@ -136,16 +136,16 @@ fn of_vehicle(
         let edited = choice(ui, "Driver", drivers, VehicleEdit::Driver);
         row(ui, edited);
         let tip = format!(
-            "Front axle along the first lane, laboratory metres: {:.1} m at full scale",
-            scale.city_from_lab(vehicle.at_m)
+            "Front axle along the first lane, laboratory metres: {} m at full scale",
+            decimal.fixed(scale.city_from_lab(vehicle.at_m), 1)
         );
-        let unit = format!(" m (lab), {:.1} m", scale.city_from_lab(vehicle.at_m));
+        let unit = format!(" m (lab), {} m", decimal.fixed(scale.city_from_lab(vehicle.at_m), 1));
         let at_m = number(ui, ("Start", tip.as_str()), (vehicle.at_m, 0.0..=FARTHEST_M, unit.as_str()));
         row(ui, at_m.map(VehicleEdit::At));
         let city_mps = scale.city_from_lab(vehicle.speed_mps);
         let unit = match units {
             SpeedUnit::LabMetrePerSecond => " m/s (lab)".to_owned(),
-            _ => format!(" m/s (lab), {} {}", units.number(city_mps, scale), units.label()),
+            _ => format!(" m/s (lab), {} {}", units.number(city_mps, scale, decimal), units.label()),
         };
         let value = (vehicle.speed_mps, 0.0..=FASTEST_MPS, unit.as_str());
         let mps = number(ui, ("Initial speed", "Laboratory metres per second"), value);
