@@ -1,11 +1,14 @@
-//! Events, past states and past plans of the present run for a window, which itself sees only some of the snapshots: each
-//! event once, and states at a steady rate.
+//! Events, past states, past plans and traffic of the present run for a window, which itself sees only some of the
+//! snapshots: each event once, states at a steady rate, and measures of every step.
 
+use super::decision_feed::DecisionCollector;
 use super::plan_sampler::PlanSampler;
-use super::playback::{DriverChanges, TimelineMark};
-use super::{HistoryFeed, Inputs, Moment, MomentKind, PoseWatch};
+use super::playback::{DriverChanges, Occurrence, TimelineMark, with_priority};
+use super::{
+    DecisionFeed, HistoryFeed, Inputs, Moment, MomentKind, PoseWatch, RunTraffic, TrafficRecorder, decisions,
+};
 use city3d_logbook::record::LoggedPlans;
-use city3d_protocol::snapshot::FrameSnapshot;
+use city3d_protocol::snapshot::{EventKind, FrameSnapshot};
 use city3d_protocol::wire::Body;
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -50,6 +53,8 @@ pub(super) struct EventCollector {
     feed: EventFeed,
     history: HistoryFeed,
     plans: PlanSampler,
+    decisions: DecisionCollector,
+    traffic: Option<TrafficRecorder>,
     drivers: DriverChanges,
     watch: PoseWatch,
     /// The events of the source have its collisions.
@@ -63,6 +68,8 @@ impl EventCollector {
             feed: EventFeed::default(),
             history: HistoryFeed::default(),
             plans: PlanSampler::default(),
+            decisions: DecisionCollector::default(),
+            traffic: None,
             drivers: DriverChanges::default(),
             watch: PoseWatch::default(),
             tells_collisions,
@@ -84,6 +91,16 @@ impl EventCollector {
         self.history.clone()
     }
 
+    /// The past decisions of the present run.
+    pub(super) fn decisions(&self) -> DecisionFeed {
+        self.decisions.feed()
+    }
+
+    /// What has been measured of the present run.
+    pub(super) fn traffic(&self) -> Option<RunTraffic> {
+        self.traffic.as_ref().map(TrafficRecorder::traffic)
+    }
+
     /// Adds the events of a moment, and returns them; the first moment of a run begins other feeds.
     pub(super) fn take(&mut self, moment: &Moment<'_>) -> Vec<TimelineMark> {
         match moment.kind {
@@ -92,6 +109,11 @@ impl EventCollector {
             MomentKind::Tick | MomentKind::Applied => {}
         }
         let mut marks: Vec<TimelineMark> = moment.snapshot.events.iter().map(TimelineMark::from).collect();
+        let traffic = self.traffic.get_or_insert_with(|| TrafficRecorder::new(moment.experiment));
+        let merges = traffic.observe(moment.mainframe, moment.snapshot);
+        marks.extend(merges.iter().map(TimelineMark::from));
+        self.decisions.take(moment);
+        tell_priority(&mut marks, moment);
         marks.extend(self.watch.observe(moment.snapshot, self.tells_collisions));
         let (from_s, drivers) = (moment.from.1, &mut self.drivers);
         match moment.inputs {
@@ -121,5 +143,23 @@ impl EventCollector {
             let FrameSnapshot { tick, time_s, .. } = *moment.snapshot;
             self.history.take_plans(LoggedPlans { tick, time_s, update });
         }
+    }
+}
+
+/// Names whom vehicles yield to, where the control framework tells.
+fn tell_priority(marks: &mut [TimelineMark], moment: &Moment<'_>) {
+    let yields = |mark: &TimelineMark| mark.what == Occurrence::Event(EventKind::Yield);
+    if !marks.iter().any(yields) {
+        return;
+    }
+    let told = match moment.mainframe {
+        Some(mainframe) => Some(decisions(mainframe, moment.experiment)),
+        None => moment.heard.and_then(|heard| heard.decisions.at(moment.snapshot.time_s)),
+    };
+    let told = told.unwrap_or_default();
+    for mark in marks.iter_mut().filter(|mark| yields(mark)) {
+        let vehicle = mark.vehicle;
+        let of_vehicle = told.iter().filter(|decision| decision.vehicle == vehicle);
+        with_priority(mark, of_vehicle);
     }
 }

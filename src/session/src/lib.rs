@@ -10,6 +10,7 @@
 #[cfg(feature = "render")]
 pub mod capture;
 mod clock;
+mod decision_feed;
 mod decision_sampler;
 mod decisions;
 mod end;
@@ -42,12 +43,14 @@ pub mod served;
 mod session;
 mod source;
 mod state;
+mod traffic;
 mod udp_poses;
 mod watch;
 
 pub use city3d_network::host::Host;
 pub use city3d_simulation::scenario::LoadError;
 pub use clock::{PacingClock, Speed};
+pub use decision_feed::DecisionFeed;
 pub use decisions::{ControlInsight, decisions};
 pub use end::{End, EndFailure, EndHealth, RunAccount};
 pub use error::{ExistingResults, SessionError};
@@ -64,6 +67,7 @@ pub use session::{
 };
 pub use source::{Now, Pace, Source, Step};
 pub use state::{EndStatus, LinkStatus, RunPhase, RunState};
+pub use traffic::{DIAGRAM_S, LanePlace, RunTraffic, TrafficRecorder};
 pub use watch::{LONG_STOP_S, PoseWatch};
 
 use city3d_simulation::scenario::{Experiment, ScenarioRequest};

@@ -30,6 +30,8 @@ const STILL_INTERVAL: Duration = Duration::from_millis(100);
 const FINAL_DURATION: Duration = Duration::from_millis(300);
 /// Least time between two published states while the speed is unlimited.
 const PUBLISH_INTERVAL: Duration = Duration::from_millis(8);
+/// Least time between two copies of the measures of the traffic for a window, while the run goes on.
+const MEASURE_INTERVAL: Duration = Duration::from_millis(100);
 /// Interval at which failures of ends are looked for, and the link is described.
 const REPORT_INTERVAL: Duration = Duration::from_millis(500);
 /// Longest sleep while nothing is due; orders and input end it.
@@ -107,6 +109,7 @@ struct View {
     /// The city has changed since.
     is_stale: bool,
     published_at: Instant,
+    measured_at: Instant,
     /// Where moments come as they arrive: a clock to interpolate by.
     arrival_clock: Option<PacingClock>,
     files: Option<Arc<Mutex<FilesWritten>>>,

@@ -1,6 +1,6 @@
 //! State of a session as a window shows it.
 
-use super::{ControlInsight, EventFeed, HistoryFeed, PacingClock, RunGoal, Speed};
+use super::{ControlInsight, DecisionFeed, EventFeed, HistoryFeed, PacingClock, RunGoal, RunTraffic, Speed};
 use city3d_protocol::snapshot::{CoordinationState, FrameSnapshot, VehicleId};
 use city3d_simulation::runner::Summary;
 use std::path::PathBuf;
@@ -107,6 +107,11 @@ pub struct RunState {
     pub events: EventFeed,
     /// Past states of the present run.
     pub history: HistoryFeed,
+    /// Past decisions of the present run.
+    pub decisions: DecisionFeed,
+    /// Measures of the present run, a tenth of a second of the wall clock old at most; of a log, those up to the shown
+    /// time, or the last ones that were found. `None` before there are any.
+    pub traffic: Option<Arc<RunTraffic>>,
     /// Where the run is to pause by itself.
     pub goal: Option<RunGoal>,
     /// The last order that was refused, counted, and why.
@@ -134,6 +139,8 @@ impl RunState {
             insight: None,
             events: EventFeed::default(),
             history: HistoryFeed::default(),
+            decisions: DecisionFeed::default(),
+            traffic: None,
             goal: None,
             refusal: None,
             has_ended: false,

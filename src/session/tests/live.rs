@@ -12,8 +12,11 @@ mod support;
 
 use city3d_logbook::record::read_commands;
 use city3d_protocol::snapshot::{FrameSnapshot, Pedals, Status, VehicleId};
-use city3d_session::playback::MarkKind;
-use city3d_session::{EventReader, Order, RunGoal, RunHistory, RunPhase, SessionHandle, Speed};
+use city3d_session::playback::{MarkKind, Occurrence, PastPlayer, PlaybackCommand, Player, TimelineMark};
+use city3d_session::{
+    EventReader, Order, RunGoal, RunHistory, RunPhase, RunState, RunTraffic, SessionHandle, Speed,
+    TrafficRecorder, decisions,
+};
 use city3d_simulation::runner::Run;
 use city3d_simulation::scenario::{Experiment, Library, Overrides, read_experiment};
 use std::cell::RefCell;
@@ -118,11 +121,18 @@ fn a_reader_hears_each_event_of_the_run_once_however_fast_it_goes() {
     let known = reader.read(&over.events);
     assert_eq!(known, reader.marks().len(), "nothing is told twice");
     let mut run = Run::new(roundabout(40.0)).unwrap();
-    let mut expected = Vec::new();
+    let mut recorder = TrafficRecorder::new(run.experiment());
+    recorder.observe(Some(run.mainframe()), run.snapshot());
+    let (mut expected, mut merges) = (Vec::new(), 0);
     while run.snapshot().tick < over.now.tick {
         run.step();
-        expected.extend(run.snapshot().events.iter().map(|event| (event.time_s, event.vehicle)));
+        let found = recorder.observe(Some(run.mainframe()), run.snapshot());
+        merges += found.len();
+        expected
+            .extend(run.snapshot().events.iter().chain(&found).map(|event| (event.time_s, event.vehicle)));
     }
+    let told_merges = reader.marks().iter().filter(|mark| mark.what.kind() == MarkKind::Merge).count();
+    assert!(merges > 2 && told_merges == merges, "{told_merges} of {merges}");
     let (of_person, of_city): (Vec<_>, Vec<_>) =
         reader.marks().iter().partition(|mark| mark.what.kind() == MarkKind::Person);
     let of_city: Vec<_> = of_city.iter().map(|mark| (mark.time_s, mark.vehicle)).collect();
@@ -132,6 +142,144 @@ fn a_reader_hears_each_event_of_the_run_once_however_fast_it_goes() {
     live.send(Order::Reset);
     let again = until(&live, "reset", |run_state| run_state.phase == RunPhase::Ready);
     assert_eq!((reader.read(&again.events), reader.marks().len()), (0, 0));
+}
+
+/// The numbers of the panel Traffic.
+fn numbers(traffic: &RunTraffic) -> [f64; 6] {
+    let measures = traffic.measures();
+    let (trips, safety) = (measures.trips(), measures.safety());
+    [
+        f64::from(trips.stops),
+        trips.mean_delay_s.unwrap_or(-1.0),
+        trips.throughput_per_h.unwrap_or(-1.0),
+        measures.queue().mean(),
+        measures.effort().fuel_ml,
+        safety.min_ttc_s.unwrap_or(-1.0),
+    ]
+}
+
+/// The traffic of the same run, measured at every step up to a time.
+fn measured(until_s: f64) -> RunTraffic {
+    let mut run = Run::new(roundabout(40.0)).unwrap();
+    let mut recorder = TrafficRecorder::new(run.experiment());
+    recorder.observe(Some(run.mainframe()), run.snapshot());
+    while run.snapshot().time_s < until_s - 1e-6 {
+        run.step();
+        recorder.observe(Some(run.mainframe()), run.snapshot());
+    }
+    recorder.traffic()
+}
+
+#[test]
+fn the_traffic_is_that_of_every_step_however_fast_the_run_goes() {
+    let live = live(None);
+    assert!(live.run_state().traffic.is_none());
+    live.send(Order::Speed(Speed::Unlimited));
+    live.send(Order::Start);
+    let over = until(&live, "the end", |run_state| run_state.phase == RunPhase::Over);
+    let (traffic, expected) = (over.traffic.clone().unwrap(), measured(over.now.time_s));
+    assert_eq!((traffic.since_s(), traffic.until_s()), (Some(0.0), over.now.time_s));
+    assert_eq!(numbers(&traffic), numbers(&expected));
+    assert!(numbers(&traffic)[0] > 0.0 && numbers(&traffic)[4] > 1.0, "{:?}", numbers(&traffic));
+    let places = |traffic: &RunTraffic| traffic.places().map(|(_, places)| places.len()).sum::<usize>();
+    assert_eq!(places(&traffic), places(&expected), "its diagram has no holes");
+    live.send(Order::Reset);
+    let again = until(&live, "reset", |run_state| run_state.phase == RunPhase::Ready);
+    assert!(again.traffic.is_none());
+}
+
+/// Plays a log until all that is on display is known.
+fn settle(player: &mut Player) -> Arc<RunState> {
+    let start = Instant::now();
+    loop {
+        let (state, _) = player.advance(Instant::now());
+        let is_measured =
+            state.traffic.as_ref().is_some_and(|traffic| (traffic.until_s() - state.now.time_s).abs() < 1e-6);
+        if player.is_settled() && player.info().searched >= 1.0 && is_measured {
+            return state;
+        }
+        assert!(start.elapsed() < Duration::from_secs(60), "it is never known");
+        std::thread::sleep(Duration::from_millis(1));
+    }
+}
+
+#[test]
+fn a_log_has_the_events_and_the_traffic_of_its_run_at_whatever_time_one_looks() {
+    let folder = tempfile::tempdir().unwrap();
+    let live = live(Some(folder.path()));
+    live.send(Order::Speed(Speed::Unlimited));
+    live.send(Order::Start);
+    let over = until(&live, "the end", |run_state| run_state.phase == RunPhase::Over);
+    let mut reader = EventReader::default();
+    reader.read(&over.events);
+    live.stop().unwrap();
+    let mut player = Player::open(&folder.path().join("run-1/run.mcap"), Box::new(|| {})).unwrap();
+    player.show_traffic(true);
+    player.command(PlaybackCommand::Seek(40.0));
+    let end = settle(&mut player);
+    let in_order = |marks: &[TimelineMark]| {
+        // Where vehicles stand at the start is no event of the log.
+        let during = marks.iter().filter(|mark| mark.time_s > 0.0);
+        let mut marks: Vec<_> = during
+            .map(|mark| ((mark.time_s * 100.0).round() as u64, mark.vehicle, mark.what.kind()))
+            .collect();
+        marks.sort();
+        marks
+    };
+    let (of_log, of_run) = (in_order(&player.info().marks), in_order(reader.marks()));
+    assert_eq!(of_log, of_run);
+    let to_whom = |marks: &[TimelineMark]| -> Vec<(VehicleId, VehicleId)> {
+        let told = marks.iter().filter_map(|mark| match mark.what {
+            Occurrence::YieldTo(other) => Some((mark.vehicle, other)),
+            _ => None,
+        });
+        told.collect()
+    };
+    let (of_log, of_run) = (to_whom(&player.info().marks), to_whom(reader.marks()));
+    assert!(!of_run.is_empty() && of_run.iter().all(|told| of_log.contains(told)), "{of_run:?} {of_log:?}");
+    // A log has fewer states than the run has steps.
+    let is_close = |traffic: &RunTraffic, expected: &RunTraffic| {
+        numbers(traffic)
+            .iter()
+            .zip(numbers(expected))
+            .take(5)
+            .all(|(a, b)| (a - b).abs() <= 0.02 * b.abs() + 0.05)
+    };
+    let live_traffic = over.traffic.clone().unwrap();
+    let traffic = end.traffic.clone().unwrap();
+    assert!(is_close(&traffic, &live_traffic), "{:?} {:?}", numbers(&traffic), numbers(&live_traffic));
+    for at_s in [12.0, 31.0, 3.0] {
+        player.command(PlaybackCommand::Seek(at_s));
+        let (traffic, expected) = (settle(&mut player).traffic.clone().unwrap(), measured(at_s));
+        assert!(is_close(&traffic, &expected), "{at_s} s: {:?} {:?}", numbers(&traffic), numbers(&expected));
+    }
+}
+
+#[test]
+fn who_looks_back_is_told_why_vehicles_did_what_they_did() {
+    let live = live(None);
+    live.send(Order::Speed(Speed::Unlimited));
+    live.send(Order::RunUntil(RunGoal::Time(20.0)));
+    let paused = until(&live, "20 s", |run_state| run_state.phase == RunPhase::Paused);
+    let mut history = RunHistory::default();
+    history.read(&paused.history);
+    let mut past = PastPlayer::default();
+    past.command(PlaybackCommand::Seek(12.0), &paused, &history);
+    let (shown, _) = past.advance(Instant::now(), &paused, &history, &roundabout(40.0)).unwrap();
+    let told = shown.insight.as_ref().and_then(|insight| insight.decisions.clone()).unwrap();
+    let mut run = Run::new(roundabout(40.0)).unwrap();
+    while run.snapshot().tick < 1200 {
+        run.step();
+    }
+    let expected = decisions(run.mainframe(), run.experiment());
+    let same = |told: &city3d_protocol::snapshot::ControlDecision| {
+        expected
+            .iter()
+            .any(|now| (now.vehicle, now.reason, now.other) == (told.vehicle, told.reason, told.other))
+    };
+    assert_eq!(told.len(), expected.len());
+    // A decision may change between two samples.
+    assert!(told.iter().filter(|told| same(told)).count() + 1 >= told.len(), "{told:?} {expected:?}");
 }
 
 #[test]

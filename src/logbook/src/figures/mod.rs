@@ -4,6 +4,7 @@ pub mod chart;
 mod compare;
 mod draw;
 mod labels;
+mod metres;
 mod occupancy;
 mod pair;
 mod path_views;

@@ -5,7 +5,7 @@ use super::paths::{GiveWayKind, GiveWayLine};
 use super::series::{AVERAGED_S, by_speed, median_speeds};
 use super::style::tint;
 use super::table::number;
-use super::views::{FigureSet, LEAST_SPEED_MPS, PathSegment, SEGMENT_COLUMNS};
+use super::views::{FigureSet, LEAST_SPEED_MPS, PathSegment};
 use city3d_protocol::snapshot::{Aspect, VehicleId};
 use city3d_simulation::scenario::counted;
 use std::collections::BTreeMap;
@@ -24,7 +24,7 @@ impl FigureSet<'_> {
         let mut figure = self.figure(
             &format!("speed_path_{}", stream + 1),
             &format!("speed along {path}"),
-            &SEGMENT_COLUMNS,
+            &self.segment_columns(),
         );
         let ids: Vec<VehicleId> = self.members(stream).into_iter().collect();
         let styles = if self.has_own_styles() { self.styles_of(&ids) } else { BTreeMap::new() };
@@ -32,8 +32,8 @@ impl FigureSet<'_> {
         for run in 0..self.runs.len() {
             let mut panel = Panel {
                 title: self.panel_title(run),
-                x_label: format!("Position along {path} [m]"),
-                y_label: "Speed [m/s]".to_owned(),
+                x_label: format!("Position along {path} {}", self.unit("m")),
+                y_label: format!("Speed {}", self.unit("m/s")),
                 rules: self.rules(run, std::iter::once(stream), false),
                 ..Panel::default()
             };
@@ -70,7 +70,7 @@ impl FigureSet<'_> {
 
     /// Position against time, all paths aligned at the merging point.
     pub fn position(&self) -> Figure {
-        let columns = ["run", "path", "vehicle", "name", "time_s", "position_m"];
+        let columns = ["run", "path", "vehicle", "name", "time_s", self.columns()[0]];
         let mut figure =
             self.figure("position", "positions of all paths, aligned at the merging point", &columns);
         let all = 0..self.layout.streams.len();
@@ -78,7 +78,7 @@ impl FigureSet<'_> {
             let mut panel = Panel {
                 title: self.panel_title(run),
                 x_label: "Time [s]".to_owned(),
-                y_label: "Position [m]".to_owned(),
+                y_label: format!("Position {}", self.unit("m")),
                 rules: self.rules(run, all.clone(), true),
                 ..Panel::default()
             };
@@ -109,7 +109,7 @@ impl FigureSet<'_> {
 
     /// Space-time diagram: position against time of each path, coloured by speed.
     pub fn space_time(&self) -> Figure {
-        let mut figure = self.figure("space_time", "space-time diagram", &SEGMENT_COLUMNS);
+        let mut figure = self.figure("space_time", "space-time diagram", &self.segment_columns());
         let all = 0..self.layout.streams.len();
         let (mut fastest, mut last_s) = (LEAST_SPEED_MPS, 0.0_f64);
         for run in 0..self.runs.len() {
@@ -130,7 +130,7 @@ impl FigureSet<'_> {
                 let mut panel = Panel {
                     title,
                     x_label: if is_lowest { "Time [s]".to_owned() } else { String::new() },
-                    y_label: "Position [m]".to_owned(),
+                    y_label: format!("Position {}", self.unit("m")),
                     rules: self.rules(run, std::iter::once(stream), true),
                     ..Panel::default()
                 };
@@ -156,7 +156,8 @@ impl FigureSet<'_> {
             .filter(|(_, stroke)| bars.contains(stroke))
             .map(|(name, stroke)| LegendEntry { name: name.to_owned(), stroke })
             .collect();
-        figure.scale = Some(ColourBar { label: "Speed [m/s]".to_owned(), from: 0.0, to: fastest });
+        figure.scale =
+            Some(ColourBar { label: format!("Speed {}", self.unit("m/s")), from: 0.0, to: fastest });
         figure.note = format!("Speeds are means over {AVERAGED_S} s. {}", self.origin_note());
         figure
     }
@@ -168,7 +169,7 @@ impl FigureSet<'_> {
         else {
             return Vec::new();
         };
-        let at = self.lab(self.layout.merge_at_m - before_m);
+        let at = self.metres(self.layout.merge_at_m - before_m);
         let changes = log.aspects.get(head).map_or(&[][..], Vec::as_slice);
         let ends = changes.iter().skip(1).map(|(time_s, _)| *time_s).chain([log.end_s]);
         let bar = |(&(from_s, aspect), to_s): (&(f64, Aspect), f64)| {

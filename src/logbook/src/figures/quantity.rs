@@ -4,12 +4,13 @@ use super::chart::{ChartLine, Dash, Figure, LegendEntry, LineStyle, PALETTE, Pan
 use super::run::Trace;
 use super::style::distinct_styles;
 use super::table::{TidyTable, number};
-use city3d_geometry::LengthScale;
 use city3d_roadmap::LaneId;
+use city3d_simulation::measures::SIGHT_M;
+use city3d_simulation::scenario::Experiment;
 use std::collections::BTreeMap;
 
 /// A leader farther ahead than this is not followed, city metres.
-const FOLLOWED_M: f64 = 100.0;
+const FOLLOWED_M: f64 = SIGHT_M;
 /// Below this speed a time headway means nothing, city m/s.
 const LEAST_SPEED_MPS: f64 = 0.5;
 
@@ -139,16 +140,18 @@ impl Quantity {
             Self::YawRate => "Counter-clockwise seen from above.",
             Self::Gas | Self::Brake => "1 is a pedal that is fully down.",
             Self::Distance => "Driven since the start.",
-            Self::Gap => "Bumper to bumper to the next vehicle ahead on the lanes that were driven.",
+            Self::Gap => {
+                "Bumper to bumper to the next vehicle ahead on the lanes that were driven, and on those of the route."
+            }
             Self::Headway => {
-                "Gap to the next vehicle ahead on the lanes that were driven, over the own speed."
+                "Gap to the next vehicle ahead on the lanes that were driven, and on those of the route, over the own speed."
             }
         }
     }
 
     /// Values of a trace over time in SI units at full scale; NaN where there is none. `all`: every trace of the run,
     /// matched to lanes where the quantity needs them.
-    fn values(self, trace: &Trace, all: &[Trace]) -> Vec<(f64, f64)> {
+    fn values(self, trace: &Trace, all: &[Trace], experiment: &Experiment) -> Vec<(f64, f64)> {
         let direct = |of: fn(&super::run::TraceSample) -> f64| {
             trace.samples.iter().map(|sample| (sample.time_s, of(sample))).collect()
         };
@@ -161,8 +164,8 @@ impl Quantity {
             Self::Gas => direct(|sample| sample.gas),
             Self::Brake => direct(|sample| sample.brake),
             Self::Distance => direct(|sample| sample.distance_m),
-            Self::Gap => gaps(trace, all),
-            Self::Headway => gaps(trace, all)
+            Self::Gap => gaps(trace, all, experiment),
+            Self::Headway => gaps(trace, all, experiment)
                 .into_iter()
                 .zip(&trace.samples)
                 .map(|((time_s, gap_m), sample)| match sample.speed_mps {
@@ -182,12 +185,31 @@ struct LaneStation {
     front_m: f64,
 }
 
-/// Gap to the next vehicle ahead on the lanes of a trace at each of its samples, city metres.
-fn gaps(trace: &Trace, all: &[Trace]) -> Vec<(f64, f64)> {
+/// Beginnings of the lanes of a trace, and of those that it has yet to drive by its route, along its way, city metres.
+fn lane_starts(trace: &Trace, experiment: &Experiment) -> BTreeMap<LaneId, Vec<f64>> {
     let mut starts: BTreeMap<LaneId, Vec<f64>> = BTreeMap::new();
     for visit in &trace.track.visits {
         starts.entry(visit.lane).or_default().push(visit.start_m);
     }
+    let Some(last) = trace.track.visits.last() else { return starts };
+    let route = experiment.planned(trace.id).map_or(&[][..], |planned| planned.route.as_slice());
+    let Some(index) = route.iter().rposition(|lane| *lane == last.lane) else { return starts };
+    let length_m = |lane: LaneId| experiment.city_map.lane(lane).curve.length();
+    let mut start_m = last.start_m + length_m(last.lane);
+    let seen_to_m = start_m + FOLLOWED_M;
+    for lane in &route[index + 1..] {
+        if start_m > seen_to_m {
+            break;
+        }
+        starts.entry(*lane).or_default().push(start_m);
+        start_m += length_m(*lane);
+    }
+    starts
+}
+
+/// Gap to the next vehicle ahead on the lanes of a trace at each of its samples, city metres.
+fn gaps(trace: &Trace, all: &[Trace], experiment: &Experiment) -> Vec<(f64, f64)> {
+    let starts = lane_starts(trace, experiment);
     let mut gaps = vec![f64::NAN; trace.samples.len()];
     for other in all.iter().filter(|other| other.id != trace.id) {
         let mut next = 0;
@@ -231,10 +253,8 @@ pub struct SeriesFigure<'a> {
     pub quantity: Quantity,
     /// In which metres.
     pub scale: FigureScale,
-    /// City metres for one laboratory metre.
-    pub length_scale: LengthScale,
-    /// Name of the scenario.
-    pub scenario: &'a str,
+    /// The experiment of the run: its name, scale and routes.
+    pub experiment: &'a Experiment,
     /// Simulated times of its left and right end, seconds.
     pub span_s: (f64, f64),
     /// The vehicles, from first to last in the legend.
@@ -250,7 +270,7 @@ impl SeriesFigure<'_> {
         let (unit, factor) = quantity.unit(scale);
         let in_unit = if unit.is_empty() { String::new() } else { format!(" [{unit}]") };
         let metres = match scale {
-            FigureScale::Laboratory if quantity.is_length() => self.length_scale.lab_from_city(1.0),
+            FigureScale::Laboratory if quantity.is_length() => self.experiment.scale.lab_from_city(1.0),
             _ => 1.0,
         };
         let mut panel = Panel {
@@ -263,7 +283,7 @@ impl SeriesFigure<'_> {
         let within = |&(time_s, _): &(f64, f64)| (self.span_s.0..=self.span_s.1).contains(&time_s);
         for (trace, stroke) in self.shown.iter().zip(distinct_styles(self.shown.len())) {
             let values: Vec<(f64, f64)> = quantity
-                .values(trace, self.all)
+                .values(trace, self.all, self.experiment)
                 .into_iter()
                 .filter(within)
                 .map(|(time_s, value)| (time_s, value * metres))
@@ -275,9 +295,12 @@ impl SeriesFigure<'_> {
                 };
                 table.rows.extend(values.iter().map(row));
             }
+            let follows = !quantity.needs_lanes() || values.iter().any(|(_, value)| value.is_finite());
             let points = values.into_iter().map(|(time_s, value)| (time_s, value * factor)).collect();
             panel.lines.push(ChartLine { points, stroke });
-            legend.push(LegendEntry { name: format!("{} {}", trace.id, trace.name), stroke });
+            let name = format!("{} {}", trace.id, trace.name);
+            let name = if follows { name } else { format!("{name} (no leader)") };
+            legend.push(LegendEntry { name, stroke });
         }
         panel.fit(&[self.span_s.0, self.span_s.1], &[0.0]);
         let frame = match scale {
@@ -287,7 +310,7 @@ impl SeriesFigure<'_> {
         let frame = if quantity.is_length() { frame } else { "" };
         Figure {
             name: quantity.label().to_lowercase().replace(' ', "_"),
-            title: format!("{}: {}", self.scenario, quantity.label().to_lowercase()),
+            title: format!("{}: {}", self.experiment.name, quantity.label().to_lowercase()),
             panels: vec![panel],
             columns: 1,
             row_height: 0.5,
@@ -328,6 +351,8 @@ mod tests {
     use super::super::run::TraceBuilder;
     use super::*;
     use crate::record::LogOrigin;
+    use city3d_protocol::snapshot::VehicleId;
+    use city3d_simulation::measures::{LaneFinder, TrafficPlace};
     use city3d_simulation::runner::Run;
     use city3d_simulation::scenario::{Library, Overrides, read_experiment};
     use std::sync::Arc;
@@ -350,10 +375,8 @@ mod tests {
 
     fn figure(quantity: Quantity, scale: FigureScale, run: &Run, traces: &[Trace]) -> Figure {
         let shown = traces.iter().collect();
-        let length_scale = run.experiment().scale;
-        let span_s = (0.0, 8.0);
-        SeriesFigure { quantity, scale, length_scale, scenario: "straight", span_s, shown, all: traces }
-            .draw(true)
+        let (experiment, span_s) = (run.experiment(), (0.0, 8.0));
+        SeriesFigure { quantity, scale, experiment, span_s, shown, all: traces }.draw(true)
     }
 
     #[test]
@@ -382,6 +405,56 @@ mod tests {
         assert!(checked > 40, "{checked}");
         let leads = figure.panels[0].lines.iter().filter(|line| line.points.iter().all(|p| p.1.is_nan()));
         assert_eq!(leads.count(), 1, "who leads follows nobody");
+        let lead = figure.legend.iter().filter(|entry| entry.name.ends_with("(no leader)"));
+        assert_eq!(lead.count(), 1, "the legend says why it has no line");
+    }
+
+    #[test]
+    fn the_last_gap_is_that_to_the_vehicle_ahead_on_the_route() {
+        let (text, library) = Library::scenario("roundabout").unwrap();
+        let experiment = read_experiment("roundabout", &text, &library, Overrides::default()).unwrap();
+        let mut run = Run::new(Arc::new(experiment)).unwrap();
+        let finder = LaneFinder::new(&run.experiment().city_map);
+        let mut builder = TraceBuilder::new(Arc::clone(run.experiment()));
+        let mut checked = 0;
+        while run.snapshot().time_s < 25.0 {
+            for vehicle in &run.snapshot().vehicles {
+                builder.see(run.snapshot().time_s, vehicle);
+            }
+            if run.snapshot().tick.is_multiple_of(100) && run.snapshot().tick > 0 {
+                checked +=
+                    assert_same_leaders(&run, &finder, &builder.clone().finish(LogOrigin::Run).vehicles);
+            }
+            (0..10).for_each(|_| _ = run.step());
+        }
+        assert!(checked > 30, "{checked}");
+    }
+
+    /// Compares the last gaps of traces with those that the present poses show; returns their number.
+    fn assert_same_leaders(run: &Run, finder: &LaneFinder, traces: &[Trace]) -> usize {
+        let (snapshot, experiment) = (run.snapshot(), run.experiment());
+        let mut checked = 0;
+        for trace in traces {
+            let route = &experiment.planned(trace.id).unwrap().route;
+            let place = TrafficPlace::of((&experiment.city_map, finder), snapshot, trace.id, route);
+            let Some(leader) = place.and_then(|place| place.leader) else { continue };
+            let gap_m = leader.following.gap_m;
+            let (_, charted_m) = *gaps(trace, traces, experiment).last().unwrap();
+            // Who is about to merge is on the way of others by its pose before it is on their lanes.
+            if gap_m > 0.9 * FOLLOWED_M || charted_m.is_nan() && !is_on_route(leader.vehicle, traces, route) {
+                continue;
+            }
+            let time_s = snapshot.time_s;
+            assert!(charted_m < gap_m + 1.5, "{time_s} s, {}: {charted_m}, {gap_m} m", trace.id);
+            checked += 1;
+        }
+        checked
+    }
+
+    /// Whether a vehicle is on one of these lanes now.
+    fn is_on_route(id: VehicleId, traces: &[Trace], route: &[LaneId]) -> bool {
+        let trace = traces.iter().find(|trace| trace.id == id).unwrap();
+        stations(trace).last().is_some_and(|station| route.contains(&station.lane))
     }
 
     #[test]
@@ -405,8 +478,7 @@ mod tests {
         let series = |trace, scale, end_s| SeriesFigure {
             quantity: Quantity::Speed,
             scale,
-            length_scale: run.experiment().scale,
-            scenario: "straight",
+            experiment: run.experiment(),
             span_s: (0.0, end_s),
             shown: vec![trace],
             all: &[],
@@ -433,8 +505,7 @@ mod tests {
         let figure = SeriesFigure {
             quantity: Quantity::Distance,
             scale: FigureScale::City,
-            length_scale: run.experiment().scale,
-            scenario: "straight",
+            experiment: run.experiment(),
             span_s: (3.0, 5.0),
             shown,
             all: &traces,

@@ -16,7 +16,7 @@ impl FigureSet<'_> {
         let columns = ["run", "vehicle", "name", "time_s", "speed_mps"];
         let mut figure = self.figure("speed_time", "speed over time", &columns);
         let note = self.series(&mut figure, "Speed [m/s]", 1.0, &|trace| {
-            moving_average(trace).into_iter().map(|mps| self.lab(mps)).collect()
+            moving_average(trace).into_iter().map(|mps| self.metres(mps)).collect()
         });
         Self::fit_alike(&mut figure, &[0.0], &[0.0, LEAST_SPEED_MPS]);
         figure.note = format!("Speeds are means over {AVERAGED_S} s. Laboratory metres.{note}");
@@ -28,7 +28,7 @@ impl FigureSet<'_> {
         let columns = ["run", "vehicle", "name", "time_s", "lateral_error_m"];
         let mut figure = self.figure("lateral_error", "lateral error of the front axle", &columns);
         let note = self.series(&mut figure, "Lateral error [mm]", 1000.0, &|trace| {
-            trace.samples.iter().map(|sample| self.lab(sample.lateral_error_m)).collect()
+            trace.samples.iter().map(|sample| self.metres(sample.lateral_error_m)).collect()
         });
         Self::fit_alike(&mut figure, &[0.0], &[0.0]);
         let of = match self.runs.iter().any(|run| !run.origin.has_world()) {
@@ -157,7 +157,7 @@ impl FigureSet<'_> {
         for &id in &ids {
             let (Some(a), Some(b)) = (self.runs[0].vehicle(id), self.runs[1].vehicle(id)) else { continue };
             let points: Vec<(f64, f64)> =
-                differences(a, b).into_iter().map(|(time_s, m)| (time_s, self.lab(m))).collect();
+                differences(a, b).into_iter().map(|(time_s, m)| (time_s, self.metres(m))).collect();
             for &(time_s, apart) in &points {
                 figure.table.rows.push(vec![
                     id.to_string(),

@@ -1,5 +1,6 @@
 //! The figures of one run, or of two side by side: vehicles, their line styles, and what all figures share.
 
+use super::FigureScale;
 use super::chart::{BLACK, Colour, Dash, Figure, LegendEntry, LineStyle, Panel, ReferenceLine};
 use super::labels::labels;
 use super::paths::{Stream, StreamLayout, StreamMember, listed};
@@ -28,6 +29,8 @@ pub struct FigureSet<'a> {
     shown: BTreeSet<VehicleId>,
     /// Line styles of those on the paths; empty where they are too many for styles of their own.
     styles: BTreeMap<VehicleId, LineStyle>,
+    /// The metres that axes and columns name; laboratory metres, without a name, where there is none.
+    pub(super) scale: Option<FigureScale>,
 }
 
 /// A trace segment of a vehicle on a path: sample index, position and averaged speed in laboratory units.
@@ -36,12 +39,8 @@ pub(super) struct PathSegment<'r> {
     pub(super) points: Vec<(usize, f64, f64)>,
 }
 
-/// Columns of a segment's rows.
-pub(super) const SEGMENT_COLUMNS: [&str; 7] =
-    ["run", "path", "vehicle", "name", "time_s", "position_m", "speed_mps"];
-
 impl PathSegment<'_> {
-    /// Its rows in a table, by [`SEGMENT_COLUMNS`].
+    /// Its rows in a table, by [`FigureSet::segment_columns`].
     pub(super) fn rows(&self, run: &str, path: &str) -> impl Iterator<Item = Vec<String>> {
         self.points.iter().map(move |&(k, position, speed)| {
             vec![
@@ -64,7 +63,7 @@ impl<'a> FigureSet<'a> {
         let all = runs.iter().flat_map(|run| &run.vehicles).map(|trace| trace.id);
         let shown: BTreeSet<VehicleId> = all.filter(|id| only.is_empty() || only.contains(id)).collect();
         let styles = styles_of(&shown, &streams);
-        Self { runs, layout, streams, labels: labels(runs), shown, styles }
+        Self { runs, layout, streams, labels: labels(runs), shown, styles, scale: None }
     }
 
     /// Labels of the runs in figures and tables.
@@ -121,10 +120,6 @@ impl<'a> FigureSet<'a> {
         ))
     }
 
-    pub(super) fn lab(&self, city: f64) -> f64 {
-        self.runs[0].lab(city)
-    }
-
     fn title(&self, what: &str) -> String {
         let mut names: Vec<&str> = self.runs.iter().map(|run| run.experiment.name.as_str()).collect();
         names.dedup();
@@ -149,9 +144,13 @@ impl<'a> FigureSet<'a> {
     /// Note on the origin of positions.
     pub(super) fn origin_note(&self) -> String {
         let lane = |index: usize| self.streams[0][index].lane.as_str();
+        let frame = match self.scale {
+            Some(FigureScale::City | FigureScale::CityMetresPerSecond) => "Full-scale metres",
+            None | Some(FigureScale::Laboratory) => "Laboratory metres",
+        };
         match &self.layout.merge {
             Some(merge) => {
-                let before = self.lab(self.layout.merge_at_m);
+                let before = self.metres(self.layout.merge_at_m);
                 let by = (0..self.layout.streams.len()).map(|k| format!("Path {} by {}", k + 1, lane(k)));
                 let others = match self.layout.other_merges.len() {
                     0 => String::new(),
@@ -161,7 +160,7 @@ impl<'a> FigureSet<'a> {
                     ),
                 };
                 format!(
-                    "Laboratory metres, front bumper. 0 lies {before:.2} m before the merging point, the beginning of \
+                    "{frame}, front bumper. 0 lies {before:.2} m before the merging point, the beginning of \
                      {}, on every path; {}.{others}",
                     merge.name,
                     by.collect::<Vec<_>>().join(", ")
@@ -169,10 +168,7 @@ impl<'a> FigureSet<'a> {
             }
             None => {
                 let by = (0..self.layout.streams.len()).map(|k| format!("{} (Path {})", lane(k), k + 1));
-                format!(
-                    "Laboratory metres, front bumper. 0 is the beginning of {}.",
-                    by.collect::<Vec<_>>().join(", ")
-                )
+                format!("{frame}, front bumper. 0 is the beginning of {}.", by.collect::<Vec<_>>().join(", "))
             }
         }
     }
@@ -185,7 +181,7 @@ impl<'a> FigureSet<'a> {
             let trace = log.vehicle(member.vehicle)?;
             let speeds = moving_average(trace);
             let at = |k: usize| {
-                self.layout.position_m(trace, member, k).map(|m| (k, self.lab(m), self.lab(speeds[k])))
+                self.layout.position_m(trace, member, k).map(|m| (k, self.metres(m), self.metres(speeds[k])))
             };
             Some(PathSegment { trace, points: (0..trace.samples.len()).filter_map(at).collect() })
         })
@@ -244,7 +240,7 @@ impl<'a> FigureSet<'a> {
         is_level: bool,
     ) -> Vec<ReferenceLine> {
         let Some(_) = self.layout.merge else { return Vec::new() };
-        let at = self.lab(self.layout.merge_at_m);
+        let at = self.metres(self.layout.merge_at_m);
         let rule = |at: f64, name: &str, dash: Dash, is_before: bool| ReferenceLine {
             at,
             is_level,
@@ -262,7 +258,7 @@ impl<'a> FigureSet<'a> {
                     true => format!("{} of Path {}", self.line_name(stream), stream + 1),
                     false => self.line_name(stream),
                 };
-                rules.push(rule(at - self.lab(line.before_m), &name, Dash::Dotted, true));
+                rules.push(rule(at - self.metres(line.before_m), &name, Dash::Dotted, true));
             }
         }
         rules
@@ -288,7 +284,7 @@ impl<'a> FigureSet<'a> {
         let members = self.streams[0].iter().flat_map(|stream| &stream.members);
         let lengths =
             members.filter_map(|member| Some(self.runs[0].vehicle(member.vehicle)?.dimensions.length_m));
-        self.lab(lengths.fold(0.0, f64::max))
+        self.metres(lengths.fold(0.0, f64::max))
     }
 
     /// The vehicles of some streams, or the streams where vehicles have no line styles of their own.

@@ -2,7 +2,7 @@
 
 use crate::LONG_STOP_S;
 use city3d_logbook::record::LogEntry;
-use city3d_protocol::snapshot::{Event, EventKind, SimCommand, VehicleId};
+use city3d_protocol::snapshot::{ControlDecision, DecisionReason, Event, EventKind, SimCommand, VehicleId};
 use city3d_simulation::scenario::Rates;
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -22,6 +22,8 @@ pub struct TimelineMark {
 pub enum Occurrence {
     /// An event that the run has logged.
     Event(EventKind),
+    /// It began to give way to this vehicle, as the control framework has told.
+    YieldTo(VehicleId),
     /// A person took control of the vehicle.
     TakeOver,
     /// The person handed the vehicle back to its control algorithm.
@@ -57,6 +59,7 @@ impl Occurrence {
         match self {
             Self::TakeOver | Self::GiveBack => MarkKind::Person,
             Self::LongStop => MarkKind::LongStop,
+            Self::YieldTo(_) => MarkKind::Yield,
             Self::Event(event) => match event {
                 EventKind::Collision { .. } | EventKind::CollisionStatic { .. } => MarkKind::Collision,
                 EventKind::LinkLost | EventKind::LinkBack | EventKind::Unseen | EventKind::SeenAgain => {
@@ -79,7 +82,7 @@ impl Occurrence {
         match self {
             Self::LongStop => true,
             Self::Event(event) => event.is_collision() || *event == EventKind::LinkLost,
-            Self::TakeOver | Self::GiveBack => false,
+            Self::TakeOver | Self::GiveBack | Self::YieldTo(_) => false,
         }
     }
 
@@ -89,6 +92,7 @@ impl Occurrence {
             Self::TakeOver => return "take-over".to_owned(),
             Self::GiveBack => return "given back".to_owned(),
             Self::LongStop => return format!("stopped for {LONG_STOP_S:.0} s"),
+            Self::YieldTo(other) => return format!("yield to {other}"),
             Self::Event(event) => event,
         };
         match event {
@@ -114,6 +118,24 @@ impl From<&Event> for TimelineMark {
     fn from(event: &Event) -> Self {
         let what = Occurrence::Event(event.kind.clone());
         Self { time_s: event.time_s, vehicle: event.vehicle, what }
+    }
+}
+
+/// Names whom a vehicle yields to, by the first of its decisions that does.
+pub(crate) fn with_priority<'a>(
+    mark: &mut TimelineMark,
+    of_vehicle: impl Iterator<Item = &'a ControlDecision>,
+) {
+    use DecisionReason::{Crossing, Junction, Merging, StopLine, YieldLine};
+    let gives_way = |decision: &ControlDecision| {
+        let reason = matches!(decision.reason, StopLine | YieldLine | Junction | Crossing | Merging);
+        decision.other.filter(|_| reason)
+    };
+    let mut others = of_vehicle.filter_map(gives_way);
+    if mark.what == Occurrence::Event(EventKind::Yield)
+        && let Some(other) = others.next()
+    {
+        mark.what = Occurrence::YieldTo(other);
     }
 }
 

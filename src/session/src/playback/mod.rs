@@ -7,6 +7,7 @@
 
 mod benchmark;
 mod chunk_cache;
+mod log_traffic;
 mod marks;
 mod past;
 mod past_cache;
@@ -16,7 +17,7 @@ mod prefetch;
 mod registry;
 
 pub use benchmark::{PlaybackReport, benchmark};
-pub(crate) use marks::DriverChanges;
+pub(crate) use marks::{DriverChanges, with_priority};
 pub use marks::{MarkKind, Occurrence, TimelineMark};
 pub use past::PastPlayer;
 pub use player::{LogInfo, PlaybackStats, Player};

@@ -1,7 +1,7 @@
 //! Looking back in a run that goes on: its past states are played like a log, while the city drives on.
 
 use super::playhead::{FrameTimer, PlaybackCommand, Playhead, SeekTarget, TIME_TOLERANCE_S};
-use crate::{PastState, RunHistory, RunState};
+use crate::{ControlInsight, PastState, RunHistory, RunState};
 use city3d_simulation::scenario::Experiment;
 use std::sync::Arc;
 use std::time::Instant;
@@ -147,16 +147,21 @@ impl PastPlayer {
             shown.states.iter().zip(&states).all(|(known, wanted)| Arc::ptr_eq(known, wanted))
         };
         let known = self.shown.as_ref().filter(is_same);
-        let (before, now, coordination) = match known.map(|known| &known.run_state) {
-            Some(known) => (Arc::clone(&known.before), Arc::clone(&known.now), known.coordination.clone()),
+        let (before, now, coordination, insight) = match known.map(|known| &known.run_state) {
+            Some(known) => {
+                let (coordination, insight) = (known.coordination.clone(), known.insight.clone());
+                (Arc::clone(&known.before), Arc::clone(&known.now), coordination, insight)
+            }
             None => {
                 let [before, now] =
                     [&states[0], &states[1]].map(|state| Arc::new(state.snapshot(experiment)));
-                (before, now, history.plans_at(states[1].time_s()).map(Arc::new))
+                let told =
+                    |told| Arc::new(ControlInsight { decisions: Some(told), ..ControlInsight::default() });
+                let insight = live.decisions.at(now.time_s).map(told);
+                (before, now, history.plans_at(states[1].time_s()).map(Arc::new), insight)
             }
         };
-        // Decisions are those of the present.
-        let past = RunState { before, now, clock: None, coordination, insight: None, ..live.clone() };
+        let past = RunState { before, now, clock: None, coordination, insight, ..live.clone() };
         let run_state = Arc::new(past);
         self.shown = Some(ShownPair { states, run_state: Arc::clone(&run_state) });
         run_state

@@ -2,6 +2,7 @@
 
 use super::PlaybackError;
 use super::chunk_cache::{SnapshotPair, bracketing, chunk_at, find, told_by};
+use super::log_traffic::LogTraffic;
 use super::marks::{MarkCollector, TimelineMark};
 use super::past_cache::PastCache;
 use super::playhead::{FrameTimer, PlaybackCommand, Playhead, SeekTarget};
@@ -37,6 +38,9 @@ pub struct PlaybackStats {
     pub kept: usize,
 }
 
+/// How often the traffic is measured anew while a log is played, a second.
+const TRAFFIC_PER_S: f64 = 10.0;
+
 /// Lookup of what the control framework has told that holds at the shown time.
 #[derive(Debug)]
 struct ControlLookup {
@@ -65,6 +69,8 @@ pub struct Player {
     requested: Option<(ReadRequest, u64)>,
     control: ControlLookup,
     past_s: f64,
+    /// The traffic is on display.
+    shows_traffic: bool,
     /// Revision of the past states that were read last.
     past_read: Option<u64>,
 }
@@ -99,6 +105,8 @@ impl Player {
             begins_s: Arc::clone(&begins_s),
             registry: VehicleRegistry::of(Arc::clone(&experiment)),
             marker: MarkCollector::new(experiment.rates),
+            traffic: LogTraffic::new(&experiment),
+            measured_to_s: None,
             watch: (!reader.origin().has_world()).then(PoseWatch::default),
             shared: Arc::clone(&shared),
             end_s: None,
@@ -127,6 +135,7 @@ impl Player {
             requested: None,
             control,
             past_s: 0.0,
+            shows_traffic: false,
             past_read: None,
         })
     }
@@ -210,6 +219,24 @@ impl Player {
         }
     }
 
+    /// The traffic is measured up to the shown time from now on, or no longer.
+    pub fn show_traffic(&mut self, shows_traffic: bool) {
+        self.shows_traffic = shows_traffic;
+    }
+
+    /// Takes the measures that have been found since.
+    fn take_traffic(&mut self) {
+        let found = self.shared.lock().traffic.clone();
+        let is_known = match (&found, &self.run_state.traffic) {
+            (Some(found), Some(known)) => Arc::ptr_eq(found, known),
+            (None, _) => true,
+            (Some(_), None) => false,
+        };
+        if !is_known {
+            self.run_state = Arc::new(RunState { traffic: found, ..RunState::clone(&self.run_state) });
+        }
+    }
+
     /// Advances to an instant. Returns the state to show and the interpolation weight between `before` (0) and `now`
     /// (1). A chunk that is not decoded yet is shown in a later frame.
     pub fn advance(&mut self, now: Instant) -> (Arc<RunState>, f64) {
@@ -221,6 +248,7 @@ impl Player {
             None => None,
         };
         let missing = missing.or_else(|| self.look_up_control());
+        self.take_traffic();
         self.request_chunks(missing, passed_s);
         (Arc::clone(&self.run_state), self.weight)
     }
@@ -326,16 +354,27 @@ impl Player {
         let at_s = self.pending_s.unwrap_or(self.head.at_s);
         let next_s = if self.head.is_playing { at_s + self.head.rate() * passed_s.max(0.02) } else { at_s };
         let chunk = missing.unwrap_or_else(|| chunk_at(&self.begins_s, at_s));
-        let request = ReadRequest { chunk, next_s, past_s: self.past_s, at_s };
+        let request =
+            ReadRequest { chunk, next_s, past_s: self.past_s, at_s, traffic_s: self.traffic_time_s() };
         let next = chunk_at(&self.begins_s, next_s) as u64;
         let is_same = self.requested.is_some_and(|(requested, requested_next)| {
-            requested.chunk == chunk && requested_next == next && requested.past_s == self.past_s
+            requested.chunk == chunk
+                && requested_next == next
+                && (requested.past_s, requested.traffic_s) == (self.past_s, request.traffic_s)
         });
         // The missing chunk may have been evicted since.
         if missing.is_some() || !is_same {
             self.requested = Some((request, next));
             self.shared.request(request);
         }
+    }
+
+    /// The time up to which the traffic is wanted: while it plays, some times a second.
+    fn traffic_time_s(&self) -> Option<f64> {
+        let at_s = self.run_state.now.time_s;
+        let per_s = TRAFFIC_PER_S * self.head.speed.recip().min(1.0);
+        let wanted_s = if self.head.is_playing { (at_s * per_s).floor() / per_s } else { at_s };
+        self.shows_traffic.then_some(wanted_s)
     }
 
     /// Ends the playback before the first damaged chunk.

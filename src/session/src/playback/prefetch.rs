@@ -1,12 +1,14 @@
 //! The prefetch thread of a log. Priorities: the requested chunk and its neighbours, then the running plots, then the
-//! scan for events.
+//! traffic up to the shown time, then the scan for events.
 
 use super::chunk_cache::{ChunkCache, ChunkContents, DecodedChunk, chunk_at};
-use super::marks::{MarkCollector, Occurrence, TimelineMark};
+use super::log_traffic::LogTraffic;
+use super::marks::{MarkCollector, Occurrence, TimelineMark, with_priority};
 use super::past_cache::PastCache;
 use super::registry::VehicleRegistry;
-use crate::PoseWatch;
-use city3d_logbook::record::{ChunkedLog, EntryFilter, LogEntry, RecordError};
+use crate::{PoseWatch, RunTraffic};
+use city3d_logbook::record::{ChunkedLog, EntryFilter, LogEntry, LoggedDecisions, RecordError};
+use city3d_protocol::snapshot::EventKind;
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 
 /// What the player requests from the prefetch thread.
@@ -19,6 +21,8 @@ pub(super) struct ReadRequest {
     /// Plots and figures are open: they need this many seconds before `at_s`, the whole log where it is infinite.
     pub(super) past_s: f64,
     pub(super) at_s: f64,
+    /// The traffic is on display: it is measured up to this time.
+    pub(super) traffic_s: Option<f64>,
 }
 
 /// State shared between the player and the prefetch thread. The lock is held only to exchange pointers.
@@ -28,6 +32,8 @@ pub(super) struct SharedState {
     pub(super) is_closing: bool,
     pub(super) cache: ChunkCache,
     pub(super) past: PastCache,
+    /// Measures up to the time that was requested, or the last ones that were found.
+    pub(super) traffic: Option<Arc<RunTraffic>>,
     /// In order of time.
     pub(super) marks: Arc<Vec<TimelineMark>>,
     /// Number of chunks that have been scanned for events.
@@ -71,13 +77,15 @@ impl ReaderMonitor {
 
 /// Chunks prefetched ahead of the playhead, and behind it.
 const PREFETCH_CHUNKS: usize = 2;
+/// Decisions are logged when they change, at some times a second; a yield is near one of them, seconds.
+const DECISION_LAG_S: f64 = 0.5;
 /// The window is notified after this many scanned chunks.
 const NOTIFY_EVERY_CHUNKS: usize = 50;
 
 /// The next task of the thread.
 enum NextTask {
     Serve(ReadRequest),
-    /// Background work: plots and events.
+    /// Background work: plots, traffic and events.
     Other,
     End,
 }
@@ -88,9 +96,12 @@ pub(super) struct ChunkPrefetcher {
     pub(super) begins_s: Arc<Vec<f64>>,
     pub(super) registry: VehicleRegistry,
     pub(super) marker: MarkCollector,
+    pub(super) traffic: LogTraffic,
     /// Finds in the snapshots what a log of poses alone has no events of.
     pub(super) watch: Option<PoseWatch>,
     pub(super) shared: Arc<ReaderMonitor>,
+    /// The time up to which the traffic was told last.
+    pub(super) measured_to_s: Option<f64>,
     /// Time of the last snapshot.
     pub(super) end_s: Option<f64>,
     pub(super) on_update: Box<dyn Fn() + Send>,
@@ -103,14 +114,16 @@ impl ChunkPrefetcher {
         loop {
             let back =
                 last.and_then(|request| self.missing_plot_chunk(request).map(|chunk| (chunk, request)));
-            match (self.next(back.is_some()), back) {
-                (NextTask::End, _) => return,
-                (NextTask::Serve(request), _) => {
+            let unmeasured = last.and_then(|request| self.missing_traffic_chunk(request));
+            match (self.next(back.is_some() || unmeasured.is_some()), back, unmeasured) {
+                (NextTask::End, ..) => return,
+                (NextTask::Serve(request), ..) => {
                     self.serve(request);
                     last = Some(request);
                 }
-                (NextTask::Other, Some((chunk, request))) => self.read_plot_chunk(chunk, request),
-                (NextTask::Other, None) => self.search(),
+                (NextTask::Other, Some((chunk, request)), _) => self.read_plot_chunk(chunk, request),
+                (NextTask::Other, None, Some((chunk, to_s))) => self.measure(chunk, to_s),
+                (NextTask::Other, None, None) => self.search(),
             }
         }
     }
@@ -232,6 +245,59 @@ impl ChunkPrefetcher {
         }
     }
 
+    /// The chunk that the traffic up to the wanted time still needs, and that time.
+    fn missing_traffic_chunk(&mut self, request: ReadRequest) -> Option<(usize, f64)> {
+        let to_s = request.traffic_s?;
+        if self.measured_to_s == Some(to_s) {
+            return None;
+        }
+        let readable = self.shared.lock().readable;
+        let missing = self.traffic.missing(&self.begins_s[..readable], to_s);
+        if missing.is_none() {
+            self.tell_traffic(to_s);
+        }
+        missing.map(|chunk| (chunk, to_s))
+    }
+
+    /// Measures the traffic of a chunk up to a time.
+    fn measure(&mut self, chunk: usize, to_s: f64) {
+        let known = self.shared.lock().cache.get(chunk);
+        let Some(decoded) = known.or_else(|| self.read_chunk(chunk)) else { return };
+        let readable = self.shared.lock().readable;
+        if self.traffic.take(&decoded, (to_s, &self.begins_s[..readable])) {
+            self.tell_traffic(to_s);
+        }
+    }
+
+    fn tell_traffic(&mut self, to_s: f64) {
+        self.measured_to_s = Some(to_s);
+        self.shared.lock().traffic = Some(Arc::new(self.traffic.traffic()));
+        (self.on_update)();
+    }
+
+    /// Names whom vehicles yield to, by the decisions in a chunk: the first ones after each event, or the last before it.
+    fn tell_priority(&mut self, chunk: usize, found: &mut [TimelineMark]) {
+        let yields = |mark: &TimelineMark| mark.what == Occurrence::Event(EventKind::Yield);
+        if !found.iter().any(yields) || !self.log.may_have(chunk, EntryFilter::Control) {
+            return;
+        }
+        // What cannot be read is found where the snapshots are.
+        let entries = self.log.read(chunk, EntryFilter::Control).unwrap_or_default();
+        let told: Vec<&LoggedDecisions> = entries
+            .iter()
+            .filter_map(|entry| if let LogEntry::Decisions(told) = entry { Some(told) } else { None })
+            .collect();
+        for mark in found.iter_mut().filter(|mark| yields(mark)) {
+            let (time_s, vehicle) = (mark.time_s, mark.vehicle);
+            let is_near = |told: &&&LoggedDecisions| (told.time_s - time_s).abs() <= DECISION_LAG_S;
+            let (before, after): (Vec<&LoggedDecisions>, Vec<_>) =
+                told.iter().filter(is_near).copied().partition(|told| told.time_s < time_s);
+            let in_order = after.into_iter().chain(before.into_iter().rev());
+            let of_vehicle = in_order.flat_map(|told| &told.decisions).filter(|d| d.vehicle == vehicle);
+            with_priority(mark, of_vehicle);
+        }
+    }
+
     /// Scans the next chunk for events.
     fn search(&mut self) {
         let chunk = self.shared.lock().searched;
@@ -247,6 +313,7 @@ impl ChunkPrefetcher {
                 }
                 Err(error) => return self.truncate_at(chunk, &error),
             }
+            self.tell_priority(chunk, &mut found);
         }
         if let Some(mut watch) = self.watch.take() {
             for snapshot in self.read_chunk(chunk).iter().flat_map(|decoded| decoded.snapshots.iter()) {

@@ -99,6 +99,7 @@ impl<S: Source> Session<S> {
             latest: first,
             is_stale: false,
             published_at: self.host.clock.now(),
+            measured_at: self.host.clock.now(),
             arrival_clock: None,
             files,
             link,

@@ -1,6 +1,6 @@
 //! The state that a session publishes to its window.
 
-use super::{PUBLISH_INTERVAL, Session};
+use super::{MEASURE_INTERVAL, PUBLISH_INTERVAL, Session};
 use crate::source::{Pace, Source};
 use crate::{PacingClock, RunPhase, RunState, coordination};
 use std::sync::{Arc, PoisonError};
@@ -44,6 +44,14 @@ impl<S: Source> Session<S> {
             }
             None => (None, None),
         };
+        // A copy of the measures at every tick would cost more than the measures.
+        let is_due = now.saturating_duration_since(view.measured_at) >= MEASURE_INTERVAL;
+        let traffic = if must || !is_running || is_due {
+            view.measured_at = now;
+            view.events.traffic().map(Arc::new)
+        } else {
+            view.latest_state.get().traffic.clone()
+        };
         let insight = self.decisions.insight(&self.source).map(Arc::new);
         view.latest_state.put(RunState {
             before,
@@ -61,6 +69,8 @@ impl<S: Source> Session<S> {
             insight,
             events: view.events.feed(),
             history: view.events.history(),
+            decisions: view.events.decisions(),
+            traffic,
             goal: self.goal,
             refusal: self.refusal.clone(),
             has_ended: false,

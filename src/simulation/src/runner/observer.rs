@@ -27,7 +27,7 @@ pub struct VehicleTotals {
     pub max_lane_excess_m: f64,
     /// How often the vehicle came to a stop.
     pub stops: u32,
-    /// Longest standstill, simulated seconds.
+    /// Longest standstill on its way, simulated seconds.
     pub longest_stand_s: f64,
     /// Collisions with vehicles and static obstacles; one between two vehicles counts for both.
     pub collisions: u32,
@@ -338,7 +338,8 @@ impl RouteProgress {
         if state.status == Status::Unseen {
             return;
         }
-        if state.speed_mps.abs() < STANDS_MPS {
+        // Who has arrived waits for nothing.
+        if state.speed_mps.abs() < STANDS_MPS && state.status != Status::Finished {
             let since_s = *self.stands_since_s.get_or_insert(time_s);
             self.totals.longest_stand_s = self.totals.longest_stand_s.max(time_s - since_s);
         } else {
@@ -412,5 +413,24 @@ impl RouteProgress {
                 events.push(Event { time_s, vehicle: state.id, kind: EventKind::Merge });
             }
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use city3d_protocol::snapshot::VehicleSpec;
+
+    #[test]
+    fn who_has_arrived_stands_no_longer() {
+        let mut progress = RouteProgress::new(VehicleId(1), "car", &VehicleSpec::default().dimensions);
+        let mut stand = |status, until_s: f64| {
+            let state = VehicleState { status, ..VehicleState::default() };
+            progress.time_stand(&state, until_s);
+            progress.totals.longest_stand_s
+        };
+        assert_eq!([stand(Status::Stopped, 1.0), stand(Status::Stopped, 4.0)], [0.0, 3.0]);
+        assert_eq!([stand(Status::Finished, 5.0), stand(Status::Finished, 60.0)], [3.0, 3.0]);
+        assert_eq!([stand(Status::Stopped, 70.0), stand(Status::Stopped, 71.0)], [3.0, 3.0]);
     }
 }

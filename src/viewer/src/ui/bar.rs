@@ -3,8 +3,8 @@
 use super::timeline::TimelineView;
 use super::viewpoint::CameraMode;
 use super::{
-    CityKind, DecimalSeparator, Look, QualityPreset, ScenarioChoice, UiAction, UiState, ViewModel, commands,
-    theme,
+    CityKind, DecimalSeparator, EditAction, Look, QualityPreset, ScenarioChoice, UiAction, UiState,
+    ViewModel, commands, theme,
 };
 use city3d_session::{Order, RunPhase, Speed};
 use egui::{Button, ComboBox, RichText, Ui};
@@ -119,6 +119,9 @@ const DURATION: f32 = 50.0;
 const SCENARIO: f32 = 80.0;
 
 fn run_controls(ui: &mut Ui, shown: &ViewModel<'_>, actions: &mut Vec<UiAction>) {
+    if shown.edit.is_some() {
+        return edited_run_controls(ui, shown, actions);
+    }
     let phase = &shown.run_state.phase;
     let keys = commands::key_map::of(ui.ctx());
     let can_run = !matches!(phase, RunPhase::Failed(_));
@@ -126,7 +129,7 @@ fn run_controls(ui: &mut Ui, shown: &ViewModel<'_>, actions: &mut Vec<UiAction>)
         // Fixed width, so that its neighbours do not move.
         let least = if order == Order::Start || order == Order::Pause { BUTTON } else { 0.0 };
         let button = Button::new(text).min_size(egui::vec2(least, 0.0));
-        if ui.add_enabled(enabled, button).on_hover_text(tip).clicked() {
+        if ui.add_enabled(enabled, button).on_hover_text(tip).on_disabled_hover_text(tip).clicked() {
             actions.push(UiAction::Order(order));
         }
     };
@@ -148,8 +151,11 @@ fn run_controls(ui: &mut Ui, shown: &ViewModel<'_>, actions: &mut Vec<UiAction>)
         button(ui, "\u{25b6} Start", can_run, &tip, Order::Start);
     }
     if shown.city == CityKind::Local {
-        let tip = keys.tip("One step (usually 10 ms), then pause", &commands::STEP);
-        button(ui, "\u{23ed} Step", can_run, &tip, Order::Step);
+        let tip = match shown.past.is_shown {
+            true => keys.tip("The past is shown: go back to the present first", &commands::TO_END),
+            false => keys.tip("One step (usually 10 ms), then pause", &commands::STEP),
+        };
+        button(ui, "\u{23ed} Step", can_run && !shown.past.is_shown, &tip, Order::Step);
     }
     let tip = match shown.city {
         CityKind::Local => "Back to the start, after a question. The log so far is kept; a new one begins",
@@ -157,6 +163,22 @@ fn run_controls(ui: &mut Ui, shown: &ViewModel<'_>, actions: &mut Vec<UiAction>)
         CityKind::Elsewhere => "Asks the city to go back to its start",
     };
     button(ui, "\u{27f2} Reset", true, &keys.tip(tip, &commands::RESET), Order::Reset);
+}
+
+/// In place of the controls of the run: what is edited is saved and run.
+fn edited_run_controls(ui: &mut Ui, shown: &ViewModel<'_>, actions: &mut Vec<UiAction>) {
+    let may_run = shown.edit.is_some_and(|edit| edit.problems.is_empty() && !edit.is_checking);
+    let start = Button::new("\u{25b6} Start").min_size(egui::vec2(BUTTON, 0.0));
+    let keys = commands::key_map::of(ui.ctx());
+    let tip = keys.tip("Save the scenario and run it", commands::EDITING.run);
+    let start = ui.add_enabled(may_run, start).on_hover_text(tip);
+    if start.on_disabled_hover_text("The scenario has problems: see the editor").clicked() {
+        actions.push(UiAction::Edit(EditAction::Run));
+    }
+    let waits = keys.tip("The run waits while its scenario is edited: go back to it first", &commands::EDIT);
+    for text in ["\u{23ed} Step", "\u{27f2} Reset"] {
+        ui.add_enabled(false, Button::new(text)).on_disabled_hover_text(&waits);
+    }
 }
 
 fn speed(ui: &mut Ui, present: Speed, actions: &mut Vec<UiAction>) {
@@ -217,12 +239,18 @@ pub fn other_speed(present: Speed, faster: bool) -> Speed {
 
 fn clock(ui: &mut Ui, shown: &ViewModel<'_>) {
     let run_state = shown.run_state;
-    let (time_s, duration_s) = (run_state.now.time_s, shown.duration_s);
+    // The bar belongs to the run, also while its past is shown.
+    let is_past = shown.past.is_shown;
+    let time_s = if is_past { shown.past.head.to_s } else { run_state.now.time_s };
+    let duration_s = shown.duration_s;
     // Room for runs of hours, so that its neighbours do not move.
     let decimal = theme::decimal(ui.ctx());
     let text = format!("{:>7} s", decimal.fixed(time_s, 2));
     let lasts = decimal.plain(duration_s);
-    let tip = format!("Simulated time, step {}; the scenario lasts {lasts} s", run_state.now.tick);
+    let tip = match is_past {
+        true => format!("The present of the run; the scenario lasts {lasts} s"),
+        false => format!("Simulated time, step {}; the scenario lasts {lasts} s", run_state.now.tick),
+    };
     ui.label(RichText::new(text).monospace().strong()).on_hover_text(&tip);
     if shown.city == CityKind::Local {
         // Beyond its end the run has no duration that it is part of.
@@ -312,6 +340,7 @@ fn panels(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>, actions: &mut
         let mut entries = commands::PANEL_MENU.to_vec();
         if shown.replay.is_none() {
             entries.push(&commands::CONTROLLERS);
+            entries.push(&commands::EDIT);
         }
         entries.push(&commands::SETTINGS);
         for command in entries {

@@ -133,12 +133,17 @@ pub struct ChartView<'a> {
     pub trouble: Option<&'a str>,
     /// It is being computed anew.
     pub is_busy: bool,
+    /// Where it was saved last, in words.
+    pub saved: Option<&'a str>,
 }
 
 /// The controls and the chart, wherever they are docked.
 pub(super) fn show(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>, actions: &mut Vec<UiAction>) {
     ui.horizontal_wrapped(|ui| controls(ui, state, shown, actions));
     vehicles(ui, state, shown);
+    if let Some(saved) = shown.chart.saved {
+        ui.add(egui::Label::new(RichText::new(saved).small().weak()).truncate()).on_hover_text(saved);
+    }
     ui.separator();
     let needs_control_data =
         matches!(state.charts.kind, ChartKind::Series(quantity) if quantity.needs_control_data());
@@ -184,10 +189,8 @@ fn controls(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>, actions: &m
         })
         .response
         .on_hover_text("How far back the chart shows");
-    if matches!(charts.kind, ChartKind::Series(_)) {
-        let tip = "Laboratory metres, as city3d plot draws; else with the unit of speeds of the settings";
-        ui.checkbox(&mut charts.is_lab, "laboratory units").on_hover_text(tip);
-    }
+    let tip = "Laboratory metres, as city3d plot draws; else with the unit of speeds of the settings";
+    ui.checkbox(&mut charts.is_lab, "laboratory units").on_hover_text(tip);
     let save = ui.add_enabled(shown.chart.figure.is_some(), egui::Button::new("Save"));
     if save.on_hover_text("Write the chart as SVG, PNG and CSV into the working folder").clicked() {
         actions.push(UiAction::SaveChart);

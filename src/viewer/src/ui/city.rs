@@ -279,7 +279,9 @@ fn notice(ui: &Ui, rect: Rect, state: &mut UiState) {
     let now_s = ui.input(|input| input.time);
     state.notice = state.notice.take().filter(|(_, until_s)| now_s < *until_s);
     if let Some((text, until_s)) = &state.notice {
-        let painter = ui.painter_at(rect);
+        // Over all windows: what it tells may be about one of them.
+        let layer = egui::LayerId::new(egui::Order::Tooltip, egui::Id::unique("notice"));
+        let painter = ui.ctx().layer_painter(layer).with_clip_rect(rect);
         let galley =
             painter.layout(text.clone(), FontId::proportional(14.0), Color32::WHITE, rect.width() - 40.0);
         let place = Align2::CENTER_TOP.anchor_size(rect.center_top() + egui::vec2(0.0, 14.0), galley.size());

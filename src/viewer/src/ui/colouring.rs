@@ -1,4 +1,4 @@
-//! Colours of vehicles in labels, on the map and of boxes: by status, speed or waiting time.
+//! Colours of labels, map marks and boxes of vehicles: by status, speed or waiting time.
 
 use super::{Preferences, ViewModel, theme};
 use city3d_geometry::LengthScale;
@@ -22,8 +22,8 @@ pub enum ColourBy {
 /// Ends of the scales.
 const FASTEST_KMH: f64 = 50.0;
 const LONGEST_S: f64 = 60.0;
-/// Viridis, at equal steps: it is told apart by lightness alone.
-const SCALE: [[u8; 3]; 5] = [[90, 50, 150], [70, 105, 170], [45, 165, 140], [130, 210, 80], [253, 231, 60]];
+/// As viridis, told apart by lightness alone, but lighter at its low end: labels stand on a dark ground.
+const SCALE: [[u8; 3]; 5] = [[135, 110, 210], [90, 145, 215], [55, 180, 155], [130, 215, 85], [253, 231, 60]];
 
 impl ColourBy {
     /// All of them, in the order of the list.
@@ -75,6 +75,7 @@ pub fn scale(share: f64) -> Color32 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use city3d_geometry::trig;
 
     #[test]
     fn a_scale_grows_lighter_from_end_to_end() {
@@ -84,6 +85,14 @@ mod tests {
         };
         let all: Vec<f64> = (0..=20).map(|k| lightness(f64::from(k) / 20.0)).collect();
         assert!(all.is_sorted_by(|a, b| a < b), "{all:?}");
+        // Relative luminance and contrast: Web Content Accessibility Guidelines 2.1.
+        let linear = |channel: u8| {
+            let share = f64::from(channel) / 255.0;
+            if share <= 0.04045 { share / 12.92 } else { trig::pow((share + 0.055) / 1.055, 2.4) }
+        };
+        let [r, g, b, _] = scale(0.0).to_array().map(linear);
+        let contrast = (0.2126 * r + 0.7152 * g + 0.0722 * b + 0.05) / 0.05;
+        assert!(contrast >= 4.5, "the text of a slow vehicle on black: {contrast:.1}");
         assert_eq!(scale(-1.0), scale(0.0));
         assert_eq!(scale(7.0), scale(1.0));
     }

@@ -187,8 +187,19 @@ pub fn event_words(snapshot: &FrameSnapshot, mark: &TimelineMark, decimal: Decim
     format!("{time} s: {}, {}", name(snapshot, mark), mark.what.label())
 }
 
-/// Selects and follows the vehicle of an event; returns the seek.
+/// Selects the vehicle of an event, and seeks to its time; the camera stays.
+pub(super) fn select(mark: &TimelineMark, state: &mut UiState, actions: &mut Vec<UiAction>) {
+    if state.driving.is_none() {
+        (state.selection.vehicle, state.table.reveal) = (Some(mark.vehicle), true);
+    }
+    actions.push(UiAction::PlaybackCommand(PlaybackCommand::Show(mark.time_s)));
+}
+
+/// Selects and follows the vehicle of an event; returns the seek. Who drives stays where they are: their seek is refused.
 pub(super) fn update(mark: &TimelineMark, state: &mut UiState) -> PlaybackCommand {
+    if state.driving.is_some() {
+        return PlaybackCommand::Show(mark.time_s);
+    }
     state.selection.vehicle = Some(mark.vehicle);
     state.selection.follow = Some(mark.vehicle);
     state.viewpoint.come_near();

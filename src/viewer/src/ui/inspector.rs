@@ -5,7 +5,11 @@ use super::commands::{PREVIEW, TAKE_CONTROL, key_map};
 use super::theme::{self, DecimalSeparator, SpeedUnit};
 use super::{UiAction, UiState, ViewModel, status};
 use city3d_geometry::LengthScale;
-use city3d_protocol::snapshot::{ControlDecision, DecisionReason, VehicleId, VehicleInfo, VehicleState};
+use city3d_protocol::snapshot::{
+    ControlDecision, DecisionReason, EventKind, Status, VehicleId, VehicleInfo, VehicleState,
+};
+use city3d_session::ControlInsight;
+use city3d_session::playback::Occurrence;
 use city3d_simulation::measures::{LeaderAhead, TrafficPlace};
 use egui::{Color32, Grid, RichText, Ui};
 
@@ -26,18 +30,31 @@ pub fn show(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>, actions: &m
     let place = TrafficPlace::of((shown.map, shown.traffic.lanes()), now, vehicle.id, route);
     let insight = shown.run_state.insight.as_deref();
     let decision = insight.and_then(|insight| insight.decision(vehicle.id));
+    egui::ScrollArea::vertical().show(ui, |ui| {
+        inspected(ui, state, (shown, actions), (vehicle, info, place.as_ref()), (insight, decision));
+    });
+}
+
+/// What is known of a vehicle: its place in traffic, what control has told, and what can be done with it.
+fn inspected(
+    ui: &mut Ui,
+    state: &mut UiState,
+    (shown, actions): (&ViewModel<'_>, &mut Vec<UiAction>),
+    (vehicle, info, place): (&VehicleState, &VehicleInfo, Option<&TrafficPlace>),
+    (insight, decision): (Option<&ControlInsight>, Option<&ControlDecision>),
+) {
     heading(ui, shown, (vehicle, info));
     let mut link = None;
     Grid::new("inspector").num_columns(2).spacing([10.0, 4.0]).striped(true).show(ui, |ui| {
-        why(ui, shown, decision, &mut link);
+        why(ui, shown, (vehicle, decision), &mut link);
         motion(ui, (state.preferences.units, shown.scale()), vehicle, decision);
-        traffic(ui, shown, place.as_ref(), &mut link);
+        traffic(ui, shown, place, &mut link);
         trajectory(ui, shown, vehicle, decision);
         let delay_s = insight.and_then(|insight| insight.command_delays_s.get(&vehicle.id));
         let delay = delay_s.map_or_else(|| NOT_TOLD.to_owned(), |s| format!("{:.0} ms", s * 1000.0));
         row(ui, "Command delay", &delay, "From the control step to the arrival of its last trajectory");
         sensors(ui, shown, vehicle.id);
-        rest(ui, shown, vehicle.id, place.as_ref());
+        rest(ui, shown, vehicle.id, place);
     });
     if let Some(other) = link {
         (state.selection.vehicle, state.table.reveal) = (Some(other), true);
@@ -92,13 +109,53 @@ fn row_with_vehicle(
     ui.end_row();
 }
 
-fn why(ui: &mut Ui, shown: &ViewModel<'_>, decision: Option<&ControlDecision>, link: &mut Option<VehicleId>) {
+fn why(
+    ui: &mut Ui,
+    shown: &ViewModel<'_>,
+    (vehicle, decision): (&VehicleState, Option<&ControlDecision>),
+    link: &mut Option<VehicleId>,
+) {
     let tip = "What limits it in the last control step, as the control framework tells";
+    // Control goes on deciding for a vehicle that no longer obeys it.
+    match vehicle.status {
+        Status::Collided => {
+            let tip = "It has hit something, and stays where it is";
+            let (text, other) = collision_words(shown, vehicle.id);
+            return match other {
+                Some(other) => row_with_vehicle(ui, ("Why", &text, tip), other, link),
+                None => row(ui, "Why", &text, tip),
+            };
+        }
+        Status::Manual => return row(ui, "Why", "driven by hand", "A person drives it"),
+        _ => {}
+    }
     let Some(decision) = decision else { return row(ui, "Why", NOT_TOLD, tip) };
     let text = reason_words(shown, decision);
     match decision.other {
         Some(other) => row_with_vehicle(ui, ("Why", &text, tip), other, link),
         None => row(ui, "Why", &text, tip),
+    }
+}
+
+/// The last collision of a vehicle so far, in words, and the other vehicle.
+fn collision_words(shown: &ViewModel<'_>, id: VehicleId) -> (String, Option<VehicleId>) {
+    let until_s = shown.run_state.now.time_s + 1e-6;
+    let mut so_far = shown.events.iter().rev().filter(|mark| mark.time_s <= until_s);
+    let found = so_far.find_map(|mark| match &mark.what {
+        Occurrence::Event(EventKind::Collision { with }) if mark.vehicle == id => {
+            Some((mark.time_s, with.to_string(), Some(*with)))
+        }
+        Occurrence::Event(EventKind::Collision { with }) if *with == id => {
+            Some((mark.time_s, mark.vehicle.to_string(), Some(mark.vehicle)))
+        }
+        Occurrence::Event(EventKind::CollisionStatic { with }) if mark.vehicle == id => {
+            Some((mark.time_s, with.clone(), None))
+        }
+        _ => None,
+    });
+    match found {
+        Some((time_s, with, other)) => (format!("collided with {with} at {time_s:.2} s"), other),
+        None => ("has collided".to_owned(), None),
     }
 }
 
@@ -131,8 +188,16 @@ pub fn reason_words(shown: &ViewModel<'_>, decision: &ControlDecision) -> String
         DecisionReason::NotMeasured => "not measured for too long, stops".to_owned(),
         DecisionReason::OffRoute => "on no lane of its route, stops".to_owned(),
     };
-    let vehicle = shown.run_state.now.vehicle(decision.vehicle);
-    let away_m = decision.place.zip(vehicle).map(|(place, v)| place.distance(v.position.truncate()));
+    // How far the leader is says the gap.
+    if decision.reason == DecisionReason::Leader {
+        return what;
+    }
+    let now = &shown.run_state.now;
+    let front = |(vehicle, info): (&VehicleState, &VehicleInfo)| {
+        vehicle.pose().point_at(info.dimensions.length_m / 2.0, 0.0)
+    };
+    let front = now.vehicle(decision.vehicle).zip(now.info(decision.vehicle)).map(front);
+    let away_m = decision.place.zip(front).map(|(place, front)| place.distance(front));
     away_m.map_or(what.clone(), |m| format!("{what} ({m:.0} m)"))
 }
 

@@ -75,6 +75,8 @@ impl Default for Layers {
 
 /// Largest distance of a label.
 const LABELS_WITHIN_M: f64 = 250.0;
+/// Least depth of a vehicle with a label.
+const LABELS_FROM_M: f64 = 3.0;
 /// Between a label and the vehicle under it, points.
 const LABEL_GAP: f32 = 5.0;
 
@@ -109,7 +111,7 @@ pub fn show(ui: &mut Ui, state: &mut UiState) {
             ui.checkbox(&mut layers.measured, "Measured against true pose");
             ui.checkbox(&mut layers.frusta, "What cameras see");
             ui.add_space(6.0);
-            ui.strong("Colour of vehicles");
+            ui.strong("Colour of labels, boxes and map marks");
             ui.horizontal(|ui| {
                 for by in ColourBy::ALL {
                     ui.radio_value(&mut layers.colour, by, by.label());
@@ -299,6 +301,10 @@ fn label(
     if is_carrier || !(is_selected || (state.layers.labels && eye.distance(top) < LABELS_WITHIN_M)) {
         return None;
     }
+    let depth = canvas.depth(top);
+    if depth < nearest_label_m(canvas, state, shown) {
+        return None;
+    }
     let place = label_place(canvas, (vehicle, info))?;
     // A selected vehicle has a label behind walls too.
     let is_hidden = occlusion::is_occluded(eye, roof, shown.walls);
@@ -307,10 +313,21 @@ fn label(
         status: vehicle.status,
         colour: state.layers.colour.colour(canvas.painter.ctx(), vehicle, shown),
         place,
-        depth: canvas.depth(top),
+        depth,
         is_selected,
         is_hidden,
     })
+}
+
+/// Depth from which on vehicles have labels: what is at the camera is out of the picture or fills it, and its label would
+/// stand on another vehicle. Behind the vehicle that the camera chases there are no labels, for they would stand on it.
+fn nearest_label_m(canvas: &Canvas<'_>, state: &UiState, shown: &ViewModel<'_>) -> f64 {
+    let chased = state.viewpoint.follow.filter(|_| state.viewpoint.mode == CameraMode::Chase);
+    let rear_m = chased.and_then(|id| {
+        let (vehicle, info) = shown.interpolated.vehicle(id).zip(shown.interpolated.info(id))?;
+        Some(canvas.depth(vehicle.position) - info.dimensions.length_m / 2.0)
+    });
+    rear_m.map_or(LABELS_FROM_M, |rear_m| rear_m.max(LABELS_FROM_M))
 }
 
 /// Where a label stands: above the box of its vehicle on the screen, so that it never covers the vehicle.

@@ -41,6 +41,8 @@ pub fn absence(shown: &ViewModel<'_>) -> String {
         ),
         (CityKind::Elsewhere, Some(LinkStatus { trouble: Some(trouble), .. })) => format!("{trouble}."),
         (CityKind::Elsewhere, _) => "The city has no vehicles yet.".to_owned(),
+        // Drivers are known of all vehicles of the scenario, also of those that have yet to come.
+        _ if !shown.drivers.is_empty() => "No vehicle is in the city now; they arrive by inflows.".to_owned(),
         _ => "This scenario has no vehicles.".to_owned(),
     }
 }

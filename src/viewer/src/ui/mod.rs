@@ -96,7 +96,7 @@ pub enum UiAction {
     Drive(VehicleId),
     /// The user releases the driven vehicle to its algorithm.
     GiveBack,
-    /// Another scenario, by a shipped name or a file, from its beginning; with what replaces values of the present one.
+    /// Another scenario, by a shipped name or a file, from its beginning and as it is written.
     Scenario(String),
     /// A scenario, a map or a log.
     Open(runs::OpenRequest),
@@ -355,7 +355,6 @@ impl UiState {
         next.devices = std::mem::take(&mut self.devices);
         next.bookmarks = std::mem::take(&mut self.bookmarks);
         (next.layout, next.open) = (std::mem::take(&mut self.layout), self.open);
-        next.runs.start_page.fields = self.runs.start_page.fields.clone();
         next.runs.last_folder = self.runs.last_folder.take();
         // Who has closed all previews wants none.
         next.opens_preview = self.opens_preview || !self.previews.is_empty();
@@ -407,6 +406,9 @@ impl UiState {
         }
         if self.open.settings {
             return Some(|state| state.open.settings = false);
+        }
+        if self.runs.comparison.is_open() {
+            return Some(|state| state.runs.comparison.close());
         }
         let is_over =
             |entry: &&panels::PanelEntry| (entry.is_open)(self) && self.layout.is_floating(entry.panel);

@@ -193,12 +193,9 @@ fn show(
 ) -> bool {
     let now = &shown.run_state.now;
     let (Some(vehicle), Some(info)) = (now.vehicle(preview.vehicle), now.info(preview.vehicle)) else {
-        return ui
-            .horizontal(|ui| {
-                ui.label(format!("Vehicle {} is no longer in the city.", preview.vehicle));
-                !ui.small_button("Close preview").clicked()
-            })
-            .inner;
+        let text = format!("Vehicle {} is no longer in the city.", preview.vehicle);
+        ui.add(egui::Label::new(text).wrap());
+        return !ui.small_button("Close preview").clicked();
     };
     let mut is_kept = true;
     ui.horizontal(|ui| {

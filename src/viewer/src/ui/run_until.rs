@@ -59,7 +59,7 @@ fn words(goal: RunGoal, decimal: DecimalSeparator) -> String {
 
 /// The button with its menu; while a goal is set, it names it.
 pub(super) fn button(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>, actions: &mut Vec<UiAction>) {
-    if matches!(shown.run_state.phase, RunPhase::Failed(_)) {
+    if matches!(shown.run_state.phase, RunPhase::Failed(_)) || shown.edit.is_some() {
         return;
     }
     let text = match shown.run_state.goal {

@@ -2,11 +2,12 @@
 //! diagram of a route.
 
 use super::control_zones::zone_colour;
-use super::live_traffic::{DIAGRAM_S, LanePlace, LiveTraffic};
+use super::live_traffic::LiveTraffic;
 use super::{UiState, ViewModel, plans, theme};
 use city3d_control::Route;
 use city3d_protocol::snapshot::VehicleId;
 use city3d_roadmap::{LaneId, ZoneKind};
+use city3d_session::{DIAGRAM_S, LanePlace};
 use city3d_simulation::measures::{PassageTotals, Queue, Tracked};
 use egui::{Color32, FontId, Grid, Rangef, RichText, Ui};
 use egui_plot::{AxisHints, Line, Plot, PlotPoints, Polygon, VLine};
@@ -19,6 +20,9 @@ const AHEAD_M: f64 = 60.0;
 /// Shows the measures, in full-scale units as all lengths of the window are.
 pub(super) fn show(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>) {
     egui::ScrollArea::both().auto_shrink(false).show(ui, |ui| {
+        if !is_known(ui, shown) {
+            return;
+        }
         flow(ui, shown.traffic);
         ui.separator();
         if plans::has_zones(shown) {
@@ -29,6 +33,38 @@ pub(super) fn show(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>) {
         ui.separator();
         diagram(ui, state, shown);
     });
+}
+
+/// Measures of a log whose time differs by more from the shown time are those of another time, seconds.
+const LATE_S: f64 = 2.0;
+
+/// Says of which time the measures are; returns whether there are any for what is shown.
+fn is_known(ui: &mut Ui, shown: &ViewModel<'_>) -> bool {
+    let traffic = shown.traffic.measured();
+    let (until_s, shown_s) = (traffic.until_s(), shown.run_state.now.time_s);
+    let decimal = theme::decimal(ui.ctx());
+    let [until, of_shown] = [until_s, shown_s].map(|s| decimal.fixed(s, 1));
+    let note = |ui: &mut Ui, text: String| _ = ui.label(RichText::new(text).small().weak());
+    if let Some(replay) = &shown.replay {
+        let late_s = LATE_S.max(replay.head.speed);
+        if traffic.since_s().is_none() || (shown_s - until_s).abs() > late_s {
+            ui.horizontal(|ui| {
+                ui.spinner();
+                ui.label(format!("The log is being measured up to {of_shown} s."));
+            });
+            return false;
+        }
+    }
+    let Some(since_s) = traffic.since_s() else {
+        note(ui, "Nothing has been measured yet: start the run.".to_owned());
+        return false;
+    };
+    if shown.past.is_shown && shown.replay.is_none() {
+        let text = format!("Live, at {until} s: not of the past that is shown, {of_shown} s.");
+        ui.label(RichText::new(text).strong().color(ui.visuals().warn_fg_color));
+    }
+    note(ui, format!("Measured from {} s to {until} s.", decimal.fixed(since_s, 1)));
+    true
 }
 
 /// One row of the table of flows.
@@ -90,8 +126,6 @@ fn flow(ui: &mut Ui, traffic: &LiveTraffic) {
             ui.end_row();
         }
     });
-    let since = decimal.fixed(traffic.since_s(), 1);
-    ui.label(RichText::new(format!("Measured since {since} s.")).small().weak());
 }
 
 const COLUMNS: [(&str, &str); 8] = [
@@ -105,6 +139,9 @@ const COLUMNS: [(&str, &str); 8] = [
     ("Queue", "Vehicles that are stopped now (mean over time, most at a time)"),
 ];
 
+/// Longer times to collision are not told, seconds.
+const MOST_TTC_S: f64 = 100.0;
+
 /// Surrogate safety and energy of the whole city.
 fn safety_and_energy(ui: &mut Ui, traffic: &LiveTraffic) {
     let measures = traffic.measures();
@@ -112,17 +149,19 @@ fn safety_and_energy(ui: &mut Ui, traffic: &LiveTraffic) {
     let scale = measures.scale();
     let decimal = theme::decimal(ui.ctx());
     let of = |value: f64, unit: &str| format!("{} {unit}", decimal.fixed(value, 1));
+    // Who follows at almost the same speed collides in hours, which says nothing.
+    let ttc = match safety.min_ttc_s {
+        Some(ttc_s) if ttc_s > MOST_TTC_S => format!("above {MOST_TTC_S:.0} s"),
+        Some(ttc_s) => of(ttc_s, "s"),
+        None => "-".to_owned(),
+    };
     let text = |value: Option<f64>, unit: &str| match value {
         Some(value) => of(value, unit),
         None => "-".to_owned(),
     };
     let drac = Some(scale.city_from_lab(safety.max_drac_mps2)).filter(|drac| drac.is_finite());
     let cells = [
-        (
-            "Least time to collision",
-            text(safety.min_ttc_s, "s"),
-            "Gap over closing speed to the vehicle ahead",
-        ),
+        ("Least time to collision", ttc, "Gap over closing speed to the vehicle ahead"),
         (
             "Least gap",
             text(safety.min_gap_m.map(|m| scale.city_from_lab(m)), "m"),
@@ -176,7 +215,7 @@ fn diagram(ui: &mut Ui, state: &UiState, shown: &ViewModel<'_>) {
         return;
     };
     let factor = measures.scale().factor();
-    let now_s = shown.run_state.now.time_s;
+    let now_s = shown.traffic.measured().until_s();
     let starts = lane_starts(route, station.front_s);
     ui.label(
         RichText::new("Time-space diagram: front bumpers along the selected vehicle's route, m").small(),
@@ -227,7 +266,7 @@ fn diagram(ui: &mut Ui, state: &UiState, shown: &ViewModel<'_>) {
             plot.polygon(band.fill_color(colour).stroke(egui::Stroke::NONE));
         }
         plot.vline(VLine::new("now", 0.0).color(Color32::from_gray(110)).width(1.0));
-        for (id, places) in shown.traffic.places() {
+        for (id, places) in shown.traffic.measured().places() {
             let (colour, width) = match id == selected {
                 true => (strongest, 2.5),
                 false => (theme::on_ground(&context, body_colour(shown, id)), 1.4),

@@ -98,6 +98,8 @@ const AROUND_M: f64 = 18.0;
 const MOST_OF_PICTURE: f64 = 0.92;
 /// Range of distances of a fitted camera.
 const UNMOVED_M: [f64; 2] = [50.0, 240.0];
+/// Largest distance from which a whole city is shown.
+const CITY_M: f64 = 4000.0;
 /// Default azimuth and elevation.
 const UNTURNED_RAD: [f64; 2] = [-1.9, 0.85];
 /// Candidate directions where walls occlude vehicles: this many azimuths at the default elevation and at a steeper
@@ -240,6 +242,7 @@ impl Viewpoint {
         let corners = [low, DVec2::new(high.x, low.y), high, DVec2::new(low.x, high.y)];
         let room = DVec2::from(extent.map(f64::from));
         let [nearest, farthest] = UNMOVED_M;
+        let farthest = if self.first == FirstView::City { CITY_M } else { farthest };
         let focal = room.y / 2.0 / (Lens::default().vertical_fov_rad / 2.0).tan();
         let middle = ((low + high) / 2.0).extend(0.0);
         (self.target, self.distance_m) = (middle, farthest);

@@ -126,8 +126,7 @@ fn series(run: &RunLog, id: VehicleId, choice: CurveChoice, scale: FigureScale) 
     Some(SeriesFigure {
         quantity: choice.quantity,
         scale,
-        length_scale: run.experiment.scale,
-        scenario: &run.experiment.name,
+        experiment: &run.experiment,
         span_s: (begin_s.min(run.end_s), run.end_s),
         shown: vec![trace],
         all: &run.vehicles,

@@ -33,6 +33,8 @@ pub(super) struct LiveFigures {
     trouble: Option<String>,
     lanes: Option<Receiver<Arc<RunLog>>>,
     saved: Vec<Receiver<String>>,
+    /// What was written last, in words.
+    last_saved: Option<String>,
 }
 
 /// What a figure was made of.
@@ -59,6 +61,7 @@ impl LiveFigures {
             trouble: None,
             lanes: None,
             saved: Vec::new(),
+            last_saved: None,
         }
     }
 
@@ -68,6 +71,7 @@ impl LiveFigures {
             figure: self.figure.as_ref(),
             trouble: self.trouble.as_deref(),
             is_busy: self.lanes.is_some(),
+            saved: self.last_saved.as_deref(),
         }
     }
 
@@ -181,7 +185,7 @@ impl LiveFigures {
         // The figures of all vehicles say more than those of one.
         let only: BTreeSet<VehicleId> = charts.vehicles.iter().copied().collect();
         let runs = std::slice::from_ref(&**run);
-        let figures = FigureSet::new(runs, &layout, &only);
+        let figures = FigureSet::new(runs, &layout, &only).in_metres_of(charts.scale);
         let mut figure = match charts.kind {
             ChartKind::Positions if layout.merge.is_none() => {
                 return Err("No paths of this run merge so far.".to_owned());
@@ -212,8 +216,7 @@ impl LiveFigures {
         let figure = SeriesFigure {
             quantity,
             scale: charts.scale,
-            length_scale: self.experiment.scale,
-            scenario: &self.experiment.name,
+            experiment: &self.experiment,
             span_s: ((end_s - charts.span.length_s()).max(begin_s), end_s),
             shown: vehicles.iter().filter_map(shown).collect(),
             all,
@@ -254,6 +257,9 @@ impl LiveFigures {
             Err(TryRecvError::Empty) => true,
             Err(TryRecvError::Disconnected) => false,
         });
+        if said.is_some() {
+            self.last_saved.clone_from(&said);
+        }
         said
     }
 
@@ -276,7 +282,7 @@ fn unused(folder: &Path, name: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use city3d_logbook::figures::Quantity;
+    use city3d_logbook::figures::{FigureScale, Quantity};
     use city3d_simulation::runner::Run;
     use city3d_simulation::scenario::{Library, Overrides, read_experiment};
     use std::time::{Duration, Instant};
@@ -306,7 +312,11 @@ mod tests {
         }
 
         fn chart(&mut self, kind: ChartKind) -> ChartView<'_> {
-            let charts = ChartState { kind, ..ChartState::default() };
+            self.chart_in(kind, FigureScale::default())
+        }
+
+        fn chart_in(&mut self, kind: ChartKind, scale: FigureScale) -> ChartView<'_> {
+            let charts = ChartState { kind, scale, ..ChartState::default() };
             let start = Instant::now();
             loop {
                 self.figures.update(&charts, None, &self.history);
@@ -354,6 +364,27 @@ mod tests {
     }
 
     #[test]
+    fn figures_of_paths_are_in_the_chosen_metres_and_say_so() {
+        let mut watched = Watched::new();
+        watched.go_to(2000);
+        let [city, lab] = [FigureScale::City, FigureScale::Laboratory].map(|scale| {
+            let figure = watched.chart_in(ChartKind::SpaceTime, scale).figure.unwrap();
+            (figure.panels[0].y_label.clone(), figure.panels[0].y.1, figure.table.columns.join(","))
+        });
+        assert_eq!(
+            (city.0.as_str(), lab.0.as_str()),
+            ("Position [m, full scale]", "Position [m, laboratory]")
+        );
+        assert!((city.1 - 25.0 * lab.1).abs() < 0.02 * city.1, "{} {}", city.1, lab.1);
+        assert!(
+            city.2.contains("position_city_m") && lab.2.contains("position_lab_m"),
+            "{} {}",
+            city.2,
+            lab.2
+        );
+    }
+
+    #[test]
     fn a_chart_is_saved_as_two_pictures_and_a_table_and_writes_over_none() {
         let folder = tempfile::tempdir().unwrap();
         let mut watched = Watched::new();
@@ -370,6 +401,7 @@ mod tests {
                 std::thread::yield_now();
             };
             assert!(said.contains(&format!("{name}.svg")), "{said}");
+            assert_eq!(watched.figures.view().saved, Some(said.as_str()), "it stays to be read");
             let table = std::fs::read_to_string(folder.path().join(format!("{name}.csv"))).unwrap();
             assert!(
                 table.starts_with("vehicle,name,time_s,acceleration_mps2\n1,path1_a,0.000,"),

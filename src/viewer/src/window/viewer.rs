@@ -27,7 +27,7 @@ use city3d_session::playback::{LogInfo, PastPlayer, PlaybackCommand, Player};
 use city3d_session::{
     EventReader, Order, RunHistory, RunPhase, RunState, SessionError, SessionHandle, SessionStopper, Speed,
 };
-use city3d_simulation::scenario::{Experiment, Library, ScenarioRequest, shipped_scenarios};
+use city3d_simulation::scenario::{Experiment, Library, Overrides, ScenarioRequest, shipped_scenarios};
 use city3d_simulation::sim::World;
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -231,11 +231,13 @@ impl ViewerState {
         }
     }
 
-    /// Title of the window: the scenario, or the log, and the program.
+    /// Title of the window: the scenario with what replaces values of it, or the log, and the program.
     pub fn title(&self) -> String {
         let path = std::path::Path::new(&self.request.scenario);
         let name = path.file_name().unwrap_or(path.as_os_str());
-        format!("{} - City3D", name.display())
+        let set = replaced(&self.request.overrides);
+        let set = if set.is_empty() { set } else { format!(" ({set})") };
+        format!("{}{set} - City3D", name.display())
     }
 
     /// The present scenario; in a replay, the recorded one.
@@ -325,6 +327,7 @@ impl ViewerState {
     /// Samples the traffic, and takes the past states that have come since for plots and charts.
     pub fn record_samples(&mut self, run_state: &RunState) {
         self.traffic.observe(&run_state.now);
+        self.traffic.take(run_state.traffic.as_ref());
         match &mut self.source {
             ViewedRun::Run(_) | ViewedRun::Ended(_) => self.history.read(&run_state.history),
             ViewedRun::Log(player) => {
@@ -335,6 +338,7 @@ impl ViewerState {
                     (false, true) => 0.0,
                 };
                 player.read_history(&mut self.history, past_s);
+                player.show_traffic(self.state.open.traffic);
             }
         }
         if self.state.open.charts {
@@ -451,7 +455,7 @@ impl ViewerState {
                 UiAction::KeepDevices => requests.push(WindowRequest::KeepDevices),
                 UiAction::Quit => requests.push(WindowRequest::Quit),
                 UiAction::Scenario(scenario) => {
-                    let request = ScenarioRequest { scenario, changes: Vec::new(), ..self.request.clone() };
+                    let request = ScenarioRequest { scenario, ..ScenarioRequest::default() };
                     requests.push(WindowRequest::Open(Opening::scenario(request)));
                 }
                 UiAction::Open(request) => requests.extend(self.open(&request, now_s)),
@@ -573,6 +577,15 @@ fn before_start(run_state: Arc<RunState>) -> Arc<RunState> {
     };
     let (before, now) = (waiting(&run_state.before), waiting(&run_state.now));
     Arc::new(RunState { before, now, ..RunState::clone(&run_state) })
+}
+
+/// What replaces values of a scenario, in words.
+fn replaced(overrides: &Overrides) -> String {
+    let environment = overrides.environment.map(|profile| profile.name().to_owned());
+    let seed = overrides.seed.map(|seed| format!("seed {seed}"));
+    let duration = overrides.duration_s.map(|seconds| format!("{seconds} s"));
+    let words: Vec<String> = [environment, seed, duration].into_iter().flatten().collect();
+    words.join(", ")
 }
 
 /// A clause as a sentence.

@@ -93,6 +93,34 @@ fn vehicles_carry_labels_unless_walls_hide_them() {
 }
 
 #[test]
+fn who_is_behind_the_chased_vehicle_has_no_label_on_it() {
+    let mut desk = Desk::with(spread(3));
+    // One behind another on a straight road: the chase camera is above the last one.
+    desk.change(|now| {
+        for (index, vehicle) in now.vehicles.iter_mut().enumerate() {
+            vehicle.position = DVec3::new(5.5 * index as f64, 0.0, 0.0);
+        }
+    });
+    desk.state.selection.vehicle = Some(VehicleId(2));
+    let mut harness = harness(desk);
+    press(&mut harness, egui::Key::Num2);
+    harness.run_steps(40);
+    assert!(!has_text(&harness, "1 car1"), "{:?}", texts(&harness));
+    assert!(has_text(&harness, "3 car3"), "who is ahead has one: {:?}", texts(&harness));
+}
+
+#[test]
+fn a_message_lies_over_all_windows() {
+    let mut desk = Desk::with(spread(2));
+    desk.state.open.charts = true;
+    desk.state.say("Chart: somewhere", 0.0);
+    let harness = harness(desk);
+    let painted = texts(&harness);
+    let place = |text: &str| painted.iter().rposition(|known| known.contains(text)).unwrap();
+    assert!(place("Chart: somewhere") > place("laboratory units"), "{painted:?}");
+}
+
+#[test]
 fn of_labels_that_would_cover_one_another_the_nearest_stays() {
     let mut desk = Desk::with(spread(2));
     desk.change(|now| now.vehicles[1].position = now.vehicles[0].position + DVec3::new(0.4, 0.3, 0.0));

@@ -34,6 +34,7 @@ fn the_form_changes_the_selected_vehicle() {
     assert_eq!(actions(&mut harness), change(VehicleEdit::Leaves(true)));
     click(&mut harness, "bumper");
     assert_eq!(actions(&mut harness), change(VehicleEdit::Cameras(Some(vec!["bumper".to_owned()]))));
+    assert!(harness.query_all_by_value("default (idm)").count() == 1, "the driver by its algorithm");
     harness.get_all_by_value("default").next().unwrap().click();
     harness.run_steps(4);
     click(&mut harness, "bus");
@@ -67,6 +68,23 @@ fn problems_are_listed_and_keep_the_scenario_from_running() {
     harness.key_press_modifiers(Modifiers::COMMAND, Key::E);
     harness.run_steps(2);
     assert_eq!(actions(&mut harness), [EditAction::End]);
+}
+
+#[test]
+fn start_saves_and_runs_what_is_edited_and_the_old_run_is_neither_stepped_nor_reset() {
+    let mut harness = harness(editing());
+    click(&mut harness, "\u{25b6} Start");
+    assert_eq!(actions(&mut harness), [EditAction::Run]);
+    for label in ["\u{23ed} Step", "\u{27f2} Reset"] {
+        click(&mut harness, label);
+    }
+    harness.key_press_modifiers(Modifiers::COMMAND, Key::R);
+    harness.run_steps(2);
+    assert!(harness.state().actions.is_empty(), "{:?}", harness.state().actions);
+    harness.state_mut().edit.as_mut().unwrap().problems = vec!["there is no such lane".to_owned()];
+    harness.run_steps(2);
+    click(&mut harness, "\u{25b6} Start");
+    assert!(harness.state().actions.is_empty());
 }
 
 fn click_at(harness: &mut Harness<'static, Desk>, at: Pos2) {

@@ -4,7 +4,8 @@
 
 use super::city::{click_at, has_text, place, spread, texts, vehicle_at};
 use super::desk::{Desk, click, harness, press};
-use city3d_protocol::snapshot::{ControlDecision, DecisionReason, VehicleId};
+use city3d_protocol::snapshot::{ControlDecision, DecisionReason, EventKind, Status, VehicleId};
+use city3d_session::playback::{Occurrence, TimelineMark};
 use city3d_session::{ControlInsight, decisions};
 use city3d_simulation::runner::Run;
 use city3d_simulation::scenario::{Library, Overrides, read_experiment};
@@ -21,10 +22,8 @@ fn yielding() -> (Desk, VehicleId, VehicleId) {
     let experiment = read_experiment("test", &text, &library, Overrides::default()).unwrap();
     let experiment = Arc::new(experiment);
     let mut run = Run::new(Arc::clone(&experiment)).unwrap();
-    let mut traffic = LiveTraffic::new(&experiment);
     loop {
         run.step();
-        traffic.observe(run.snapshot());
         assert!(run.snapshot().time_s < 40.0, "somebody yields at a line");
         let told = decisions(run.mainframe(), &experiment);
         let yields =
@@ -32,13 +31,37 @@ fn yielding() -> (Desk, VehicleId, VehicleId) {
         let Some(found) = told.iter().find(yields) else { continue };
         let (vehicle, other) = (found.vehicle, found.other.unwrap());
         let mut desk = Desk::with(run.snapshot().clone());
-        (desk.traffic, desk.map) = (traffic, Arc::clone(&experiment.city_map));
+        (desk.traffic, desk.map) = (LiveTraffic::new(&experiment), Arc::clone(&experiment.city_map));
         desk.routes = experiment.vehicles.iter().map(|v| (v.id, v.route.clone())).collect();
         let insight =
             ControlInsight { decisions: Some(told), command_delays_s: BTreeMap::from([(vehicle, 0.035)]) };
         desk.run_state.insight = Some(Arc::new(insight));
         return (desk, vehicle, other);
     }
+}
+
+#[test]
+fn who_has_collided_or_is_driven_by_hand_is_told_so_and_not_what_control_would_do() {
+    let (mut desk, vehicle, other) = yielding();
+    let now_s = desk.run_state.now.time_s;
+    let at = |time_s, by, with| TimelineMark {
+        time_s,
+        vehicle: by,
+        what: Occurrence::Event(EventKind::Collision { with }),
+    };
+    // The struck one is told, too; what comes later has not happened yet where the past is shown.
+    desk.events = vec![at(now_s - 1.0, other, vehicle), at(now_s + 5.0, vehicle, VehicleId(99))];
+    desk.state.selection.vehicle = Some(vehicle);
+    desk.state.open.inspector = true;
+    desk.change(|now| now.vehicles.iter_mut().for_each(|v| v.status = Status::Collided));
+    let mut harness = harness(desk);
+    let told = format!("collided with {other} at {:.2} s", now_s - 1.0);
+    harness.get_by_label(&told);
+    assert!(harness.query_by_label_contains("at the yield line").is_none());
+    harness.state_mut().change(|now| now.vehicles.iter_mut().for_each(|v| v.status = Status::Manual));
+    harness.run_steps(2);
+    assert!(harness.query_all_by_label("driven by hand").count() >= 2, "status and reason");
+    assert!(harness.query_by_label_contains("at the yield line").is_none());
 }
 
 fn right_click(harness: &mut Harness<'static, Desk>, pos: Pos2) {

@@ -126,7 +126,40 @@ fn the_track_seeks_and_its_end_is_the_present() {
             (other, _) => panic!("{time_s}: {other:?}"),
         }
     }
-    assert_eq!(harness.state().state.selection.vehicle, Some(VehicleId(3)), "whom the mark is of");
+    let state = &harness.state().state;
+    assert_eq!(state.selection.vehicle, Some(VehicleId(3)), "whom the mark is of");
+    assert_eq!(state.viewpoint.follow, None, "the camera stays");
+}
+
+#[test]
+fn while_the_past_is_shown_the_bar_is_that_of_the_present_and_makes_no_step() {
+    let mut harness = live();
+    harness.state_mut().run_state.phase = RunPhase::Paused;
+    look_back(&mut harness);
+    harness.get_by_label("   2.50 s");
+    click(&mut harness, "\u{23ed} Step");
+    assert_eq!(take_actions(&mut harness), [], "an unseen step");
+    harness.key_press_modifiers(egui::Modifiers::SHIFT, Key::N);
+    harness.run_steps(2);
+    assert!(!take_actions(&mut harness).iter().any(|action| matches!(action, UiAction::Order(_))));
+}
+
+#[test]
+fn who_drives_keeps_car_and_camera_when_a_collision_is_clicked() {
+    let mut desk = Desk::with(fleet(6));
+    desk.events = some();
+    desk.state.driving = Some(ManualDrive::take_over(VehicleId(1), 1, 0.0));
+    desk.state.selection.vehicle = Some(VehicleId(1));
+    let mut harness = harness(desk);
+    click(&mut harness, "1 collision");
+    let shows = |action: &UiAction| matches!(action, UiAction::PlaybackCommand(_));
+    assert_eq!(
+        take_actions(&mut harness).iter().filter(|action| shows(action)).count(),
+        1,
+        "which is refused"
+    );
+    let state = &harness.state().state;
+    assert_eq!((state.selection.vehicle, state.viewpoint.follow), (Some(VehicleId(1)), None));
 }
 
 #[test]

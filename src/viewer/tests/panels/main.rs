@@ -41,6 +41,10 @@ fn without_vehicles_the_table_says_so_and_nothing_breaks() {
     }
     assert_eq!(harness.state().actions, []);
     assert_eq!(harness.state().state.viewpoint.mode, CameraMode::Orbit, "there is nothing to chase");
+    // Drivers are known of who is to come.
+    harness.state_mut().drivers = [(VehicleId(1), "idm".to_owned())].into();
+    harness.run_steps(2);
+    harness.get_by_label("No vehicle is in the city now; they arrive by inflows.");
 }
 
 #[test]

@@ -7,7 +7,9 @@ use city3d_logbook::record::LogOrigin;
 use city3d_protocol::snapshot::VehicleId;
 use city3d_protocol::wire::Plans;
 use city3d_session::playback::{PlaybackCommand, Player};
-use city3d_session::{FileOptions, Inputs, Moment, RunFiles, RunFolders, RunState, coordination};
+use city3d_session::{
+    FileOptions, Inputs, Moment, RunFiles, RunFolders, RunState, TrafficRecorder, coordination,
+};
 use city3d_simulation::runner::{HeldPlans, Run};
 use city3d_simulation::scenario::{Experiment, Library, Overrides, read_experiment};
 use city3d_viewer::ui::{CityKind, ControlZoneArea, LiveTraffic};
@@ -26,13 +28,14 @@ fn experiment() -> Arc<Experiment> {
 fn coordinated() -> Desk {
     let experiment = experiment();
     let mut run = Run::new(Arc::clone(&experiment)).unwrap();
-    let mut traffic = LiveTraffic::new(&experiment);
+    let mut recorder = TrafficRecorder::new(&experiment);
     while run.snapshot().tick < 800 {
         run.step();
-        traffic.observe(run.snapshot());
+        recorder.observe(None, run.snapshot());
     }
     let mut desk = Desk::with(run.snapshot().clone());
-    (desk.traffic, desk.map) = (traffic, Arc::clone(&experiment.city_map));
+    (desk.traffic, desk.map) = (LiveTraffic::new(&experiment), Arc::clone(&experiment.city_map));
+    desk.run_state.traffic = Some(Arc::new(recorder.traffic()));
     desk.control_zones = ControlZoneArea::all(&experiment);
     let told = coordination(run.mainframe(), &experiment, run.snapshot().time_s);
     desk.run_state.coordination = told.map(Arc::new);

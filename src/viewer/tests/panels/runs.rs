@@ -89,6 +89,24 @@ fn a_typed_name_is_completed_and_a_wrong_one_is_told() {
 }
 
 #[test]
+fn what_cannot_be_read_is_told_with_what_can() {
+    let folder = files();
+    std::fs::remove_file(folder.path().join("town.dxf")).unwrap();
+    std::fs::write(folder.path().join("town.xodr"), "").unwrap();
+    std::fs::remove_dir_all(folder.path().join("deeper")).unwrap();
+    let mut harness = browsing(folder.path());
+    click(&mut harness, "Maps");
+    harness.get_by_label("Nothing to open here: no map (.dxf).");
+    harness.event(egui::Event::Text("town.xodr".to_owned()));
+    harness.run_steps(2);
+    press(&mut harness, Key::Enter);
+    harness.get_by_label(
+        "town.xodr is not a file that City3D reads: it reads a scenario (.toml), map (.dxf) or log (.mcap).",
+    );
+    assert!(harness.state().actions.is_empty() && harness.state().state.runs.files.is_some());
+}
+
+#[test]
 fn the_filter_shows_logs_alone_and_a_second_click_on_a_run_opens_it() {
     let folder = files();
     let mut harness = browsing(folder.path());
@@ -205,7 +223,15 @@ fn a_finished_run_tells_what_came_of_it_and_what_can_be_done() {
     let mut desk = finished();
     desk.change(|now| now.vehicles[0].status = Status::Collided);
     let mut harness = harness(desk);
-    for text in ["Run finished", "Collisions", "Stops", "Mean speed", "/runs/straight-1/run-1"] {
+    for text in [
+        "Run finished",
+        "Collisions",
+        "Stops",
+        "Mean speed",
+        "Throughput",
+        "Mean delay",
+        "/runs/straight-1/run-1",
+    ] {
         assert!(harness.query_all_by_label_contains(text).count() > 0, "{text}");
     }
     assert!(harness.query_by_label_contains("straight, seed 1: 12.0 s simulated").is_some());
@@ -235,6 +261,15 @@ fn a_run_that_goes_on_has_no_card_and_its_clock_does_not_mislead() {
     harness.state_mut().change(|now| now.time_s = 12.0);
     harness.run_steps(2);
     harness.get_by_label("of 30 s");
+}
+
+#[test]
+fn escape_closes_the_comparison() {
+    let mut harness = harness(finished());
+    click(&mut harness, "Compare with ...");
+    assert!(harness.state().state.runs.comparison.is_open());
+    press(&mut harness, Key::Escape);
+    assert!(!harness.state().state.runs.comparison.is_open());
 }
 
 #[test]

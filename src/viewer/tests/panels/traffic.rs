@@ -1,10 +1,12 @@
 //! The panel Traffic: what a run costs while it goes on, and the time-space diagram.
 
-use super::desk::{Desk, harness, press};
+use super::desk::{Desk, Recording, harness, present, press};
 use city3d_protocol::snapshot::VehicleId;
+use city3d_session::TrafficRecorder;
+use city3d_session::playback::Playhead;
 use city3d_simulation::runner::Run;
 use city3d_simulation::scenario::{Library, Overrides, read_experiment};
-use city3d_viewer::ui::LiveTraffic;
+use city3d_viewer::ui::{LiveTraffic, PastView};
 use egui_kittest::kittest::Queryable;
 use std::sync::Arc;
 
@@ -14,14 +16,15 @@ fn roundabout(seconds: u32) -> Desk {
     let experiment = read_experiment("roundabout", &text, &library, Overrides::default()).unwrap();
     let experiment = Arc::new(experiment);
     let mut run = Run::new(Arc::clone(&experiment)).unwrap();
-    let mut traffic = LiveTraffic::new(&experiment);
-    traffic.observe(run.snapshot());
+    let mut recorder = TrafficRecorder::new(&experiment);
+    recorder.observe(None, run.snapshot());
     for _ in 0..seconds * 100 {
         run.step();
-        traffic.observe(run.snapshot());
+        recorder.observe(None, run.snapshot());
     }
     let mut desk = Desk::with(run.snapshot().clone());
-    (desk.traffic, desk.map) = (traffic, Arc::clone(&experiment.city_map));
+    (desk.traffic, desk.map) = (LiveTraffic::new(&experiment), Arc::clone(&experiment.city_map));
+    desk.run_state.traffic = Some(Arc::new(recorder.traffic()));
     desk
 }
 
@@ -30,9 +33,13 @@ fn the_panel_has_the_numbers_of_the_run() {
     let mut harness = harness(roundabout(15));
     assert!(harness.query_by_label("Flow (/h)").is_none());
     press(&mut harness, egui::Key::F4);
-    for label in
-        ["Flow (/h)", "City", "Measured since 0.0 s.", "Least time to collision", "Fuel, cruise term"]
-    {
+    for label in [
+        "Flow (/h)",
+        "City",
+        "Measured from 0.0 s to 15.0 s.",
+        "Least time to collision",
+        "Fuel, cruise term",
+    ] {
         assert!(harness.query_by_label(label).is_some(), "{label}");
     }
     let measures = harness.state().traffic.measures();
@@ -57,4 +64,32 @@ fn the_diagram_is_that_of_the_selected_vehicle() {
     assert!(harness.query_by_label(hint).is_none());
     let diagram = "Time-space diagram: front bumpers along the selected vehicle's route, m";
     assert!(harness.query_by_label(diagram).is_some());
+}
+
+#[test]
+fn measures_say_of_which_time_they_are() {
+    let mut harness = harness(roundabout(15));
+    press(&mut harness, egui::Key::F4);
+    let live = "Live, at 15.0 s: not of the past that is shown, 6.0 s.";
+    assert!(harness.query_by_label(live).is_none());
+    let head = Playhead { at_s: 6.0, ..present(15.0) };
+    harness.state_mut().past = Some(PastView { head, is_shown: true });
+    harness.state_mut().change(|now| now.time_s = 6.0);
+    harness.run_steps(2);
+    harness.get_by_label(live);
+    harness.get_by_label("Flow (/h)");
+    // Of a log, those of another time are not shown at all.
+    let desk = harness.state_mut();
+    desk.past = None;
+    desk.recording = Some(Recording { head, marks: Vec::new(), searched: 1.0, truncation: None });
+    harness.run_steps(2);
+    harness.get_by_label("The log is being measured up to 6.0 s.");
+    assert!(harness.query_by_label("Flow (/h)").is_none());
+    harness.state_mut().change(|now| now.time_s = 15.0);
+    harness.run_steps(2);
+    harness.get_by_label("Flow (/h)");
+    harness.state_mut().run_state.traffic = None;
+    harness.state_mut().recording = None;
+    harness.run_steps(2);
+    harness.get_by_label("Nothing has been measured yet: start the run.");
 }

@@ -1,10 +1,10 @@
 //! Cameras and rulers: bookmarks, kinds of pictures, scale and place under the mouse, the way back to the city.
 
 use super::city::{picture, place, spread, texts};
-use super::desk::{Desk, fleet, harness, with};
+use super::desk::{Desk, click, fleet, harness, press, with};
 use city3d_protocol::snapshot::VehicleId;
 use city3d_sensors::PictureKind;
-use city3d_viewer::ui::{CameraMode, ManualDrive, PictureSlot};
+use city3d_viewer::ui::{CameraMode, EditAction, ManualDrive, PictureSlot, UiAction};
 use egui::{Key, Modifiers, Shape};
 use egui_kittest::Harness;
 use egui_kittest::kittest::Queryable;
@@ -150,4 +150,38 @@ fn a_preview_that_is_opened_late_plots_what_was_before() {
     });
     let longest = lines.max().unwrap_or(0);
     assert!(longest > 80, "the plot of 20 s has {longest} points");
+}
+
+#[test]
+fn the_editor_and_the_inspector_are_in_the_menu_of_panels() {
+    let mut harness = with(2);
+    click(&mut harness, "Panels");
+    harness.get_by_label_contains("Inspector: why");
+    harness.get_by_label_contains("Edit the scenario").click();
+    harness.run_steps(3);
+    assert_eq!(harness.state().actions, [UiAction::Edit(EditAction::Begin)]);
+}
+
+#[test]
+fn an_action_frames_the_whole_city() {
+    let mut harness = with(3);
+    harness.state_mut().state.selection.vehicle = Some(VehicleId(1));
+    press(&mut harness, egui::Key::Num2);
+    harness.run_steps(20);
+    harness.key_press_modifiers(egui::Modifiers::COMMAND, egui::Key::P);
+    harness.run_steps(2);
+    harness.event(egui::Event::Text("frame the whole city".to_owned()));
+    harness.run_steps(2);
+    press(&mut harness, egui::Key::Enter);
+    harness.run_steps(3);
+    let state = &harness.state().state;
+    assert_eq!((state.viewpoint.mode, state.viewpoint.follow), (CameraMode::Orbit, None));
+    let view = state.pictures.iter().find(|picture| picture.slot == PictureSlot::City).unwrap().view;
+    let [width, height] = view.extent.map(f64::from);
+    let is_inside = |point: glam::DVec2| {
+        let pixel = view.project(point.extend(0.0));
+        pixel.is_some_and(|at| (-1.0..=width).contains(&at.x) && (-1.0..=height).contains(&at.y))
+    };
+    let ends = harness.state().map.lanes.iter().map(|lane| lane.curve.at(0.0).pose.position);
+    assert!(ends.into_iter().all(is_inside), "all lanes are in the picture");
 }

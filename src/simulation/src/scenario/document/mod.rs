@@ -75,6 +75,7 @@ pub struct ScenarioDocument {
 }
 
 /// Names of the keys that are written.
+const NAME: &str = "name";
 const VEHICLE: &str = "vehicle";
 const SENSOR: &str = "sensor";
 
@@ -95,6 +96,11 @@ impl ScenarioDocument {
             None | Some(Item::ArrayOfTables(_)) => Ok(Self { document }),
             Some(_) => Err(EditError::Inline),
         }
+    }
+
+    /// Sets the name of the scenario.
+    pub fn set_name(&mut self, name: &str) {
+        replace_value(self.document.as_table_mut(), NAME, Value::from(name));
     }
 
     /// The vehicles in the order of the file.

@@ -21,6 +21,7 @@ registry!(
     FRAME_ALL = Command::always("Frame all vehicles", &[shift(Key::Z)], |c| {
         c.state.viewpoint.frame_all(c.shown.interpolated);
     }),
+    FRAME_CITY = Command::always("Frame the whole city", &[], |c| c.state.viewpoint.frame_city(c.shown.map)),
 );
 
 /// The action of each camera mode, in the order of [`CameraMode::ALL`].

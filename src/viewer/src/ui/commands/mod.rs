@@ -153,7 +153,7 @@ pub static SECTIONS: [Section; 10] = [
 
 pub use camera::{CAMERA_KEYS, MODES as CAMERA_MODES};
 pub use driving::{CONTROLLERS, DRIVING_KEYS, INDICATE_LEFT, INDICATE_RIGHT, RELEASE, REVERSE, TAKE_CONTROL};
-pub use editing::EDITING;
+pub use editing::{EDIT, EDITING};
 pub use files::OPEN;
 pub use look::{LARGER, SMALLER};
 pub use panels::{CAMERAS, EVENTS, HELP, LABELS, MAP, MENU as PANEL_MENU, PALETTE, SETTINGS, VIDEO};

@@ -115,13 +115,13 @@ registry!(
     RULERS = Command::always("Show or hide scale, north and place under the mouse", &[], |c| {
         c.state.layers.rulers = !c.state.layers.rulers;
     }),
-    COLOUR_STATUS = Command::always("Colour vehicles by status", &[], |c| {
+    COLOUR_STATUS = Command::always("Colour labels by status", &[], |c| {
         c.state.layers.colour = ColourBy::Status;
     }),
-    COLOUR_SPEED = Command::always("Colour vehicles by speed", &[], |c| {
+    COLOUR_SPEED = Command::always("Colour labels by speed", &[], |c| {
         c.state.layers.colour = ColourBy::Speed;
     }),
-    COLOUR_WAITING = Command::always("Colour vehicles by waiting time", &[], |c| {
+    COLOUR_WAITING = Command::always("Colour labels by waiting time", &[], |c| {
         c.state.layers.colour = ColourBy::Waiting;
     }),
     MEASURE = Command::always("Measure lengths", &[], |c| c.state.measure.begin(None)),
@@ -133,7 +133,7 @@ registry!(
 );
 
 /// Panels and pages that the menu of the bar lists.
-pub static MENU: [&Command; 6] = [&VEHICLES, &CAMERAS, &EVENTS, &TRAFFIC, &CHARTS, &LAYERS];
+pub static MENU: [&Command; 7] = [&VEHICLES, &CAMERAS, &EVENTS, &TRAFFIC, &CHARTS, &INSPECTOR, &LAYERS];
 
 fn video(context: &mut CommandContext<'_, '_>, kind: VideoKind) {
     context.actions.push(UiAction::Video(VideoRequest { subject: context.state.video_subject, kind }));

@@ -20,7 +20,7 @@ registry!(
         .only(can_step)
         .within(GOING_ON),
     RESET = Command::always("Reset the run", &[ctrl(Key::R)], |c| c.order(Order::Reset))
-        .only(is_live)
+        .only(can_reset)
         .within(NOT_PLAYED),
     FASTER = Command::always("Run faster", &[key(Key::Plus), key(Key::Equals)], |c| {
         c.order(Order::Speed(other_speed(c.shown.run_state.speed, true)));
@@ -71,8 +71,15 @@ fn can_run(state: &UiState, shown: &ViewModel<'_>) -> Availability {
     }
 }
 
+fn can_reset(state: &UiState, shown: &ViewModel<'_>) -> Availability {
+    if shown.edit.is_some() { super::editing::RUN_WAITS } else { is_live(state, shown) }
+}
+
 fn can_step(state: &UiState, shown: &ViewModel<'_>) -> Availability {
     match is_local_run(state, shown) {
+        Availability::Now if shown.past.is_shown => {
+            Availability::After(Hint::by("The past is shown: go back to the present first", &super::TO_END))
+        }
         Availability::Now => can_run(state, shown),
         other => other,
     }

@@ -101,7 +101,8 @@ registry!(
 
 /// Use of the mouse.
 pub const GESTURES: &[(&str, &str)] = &[
-    ("click on the timeline", "Go to that time, or to the event of a mark"),
+    ("click on the timeline", "Go to that time, or to the event of a mark and select its vehicle"),
+    ("double-click on a mark", "Follow the vehicle of the event, too"),
     ("wheel on the timeline", "Show less or more of the run"),
     ("right-drag on the timeline", "Move the shown part of the run"),
 ];

@@ -21,7 +21,7 @@ pub struct EditView<'a> {
     pub types: &'a [String],
     /// Names of drivers to choose from.
     pub drivers: &'a [String],
-    /// What is wrong, with line, column and remedy; nothing where it can be run.
+    /// What is wrong, with the remedy; nothing where it can be run.
     pub problems: &'a [String],
     /// The latest change has not been checked yet.
     pub is_checking: bool,

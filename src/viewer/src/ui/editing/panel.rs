@@ -3,7 +3,7 @@
 use super::{EditAction, EditTool, EditView, choose, push};
 use crate::ui::commands::{Command, EDITING};
 use crate::ui::runs::FilePurpose;
-use crate::ui::{UiAction, UiState, ViewModel, theme};
+use crate::ui::{SpeedUnit, UiAction, UiState, ViewModel, theme};
 use city3d_simulation::scenario::{ScenarioDocument, StatedVehicle, VehicleEdit};
 use egui::{Button, ComboBox, Grid, RichText, ScrollArea, TextEdit, Ui};
 
@@ -24,7 +24,7 @@ pub fn show(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>, actions: &m
         ui.separator();
         let selected = state.selection.vehicle;
         match selected.and_then(|id| edit.vehicle(id)) {
-            Some(vehicle) => of_vehicle(ui, vehicle, state, edit, actions),
+            Some(vehicle) => of_vehicle(ui, vehicle, state, (shown, edit), actions),
             None if selected.is_some() => {
                 ui.label("This vehicle is of [traffic] or of an [[inflow]]: change it in the file.");
             }
@@ -112,10 +112,11 @@ fn of_vehicle(
     ui: &mut Ui,
     vehicle: &StatedVehicle,
     state: &mut UiState,
-    edit: &EditView<'_>,
+    (shown, edit): (&ViewModel<'_>, &EditView<'_>),
     actions: &mut Vec<UiAction>,
 ) {
     let id = vehicle.id;
+    let (scale, units, decimal) = (shown.scale(), state.preferences.units, state.preferences.decimal);
     ui.strong(format!("{id} {}", vehicle.name));
     let mut change = None;
     Grid::new("edited vehicle").num_columns(2).spacing([10.0, 4.0]).show(ui, |ui| {
@@ -125,14 +126,28 @@ fn of_vehicle(
         };
         let edited = name(ui, vehicle, state);
         row(ui, edited);
-        let edited = choice(ui, "Type", (vehicle.vehicle_type.as_ref(), edit.types), VehicleEdit::Type);
+        let edited =
+            choice(ui, "Type", (vehicle.vehicle_type.as_ref(), edit.types, DEFAULT), VehicleEdit::Type);
         row(ui, edited);
-        let edited = choice(ui, "Driver", (vehicle.driver.as_ref(), edit.drivers), VehicleEdit::Driver);
+        // By what the vehicle is controlled where the file states no driver.
+        let algorithm = shown.drivers.get(&id).filter(|_| vehicle.driver.is_none());
+        let default = algorithm.map_or_else(|| DEFAULT.to_owned(), |name| format!("{DEFAULT} ({name})"));
+        let drivers = (vehicle.driver.as_ref(), edit.drivers, default.as_str());
+        let edited = choice(ui, "Driver", drivers, VehicleEdit::Driver);
         row(ui, edited);
-        let tip = "Front axle along the first lane, laboratory metres";
-        let at_m = number(ui, ("Start", tip), (vehicle.at_m, 0.0..=FARTHEST_M, " m (lab)"));
+        let tip = format!(
+            "Front axle along the first lane, laboratory metres: {} m at full scale",
+            decimal.fixed(scale.city_from_lab(vehicle.at_m), 1)
+        );
+        let unit = format!(" m (lab), {} m", decimal.fixed(scale.city_from_lab(vehicle.at_m), 1));
+        let at_m = number(ui, ("Start", tip.as_str()), (vehicle.at_m, 0.0..=FARTHEST_M, unit.as_str()));
         row(ui, at_m.map(VehicleEdit::At));
-        let value = (vehicle.speed_mps, 0.0..=FASTEST_MPS, " m/s (lab)");
+        let city_mps = scale.city_from_lab(vehicle.speed_mps);
+        let unit = match units {
+            SpeedUnit::LabMetrePerSecond => " m/s (lab)".to_owned(),
+            _ => format!(" m/s (lab), {} {}", units.number(city_mps, scale, decimal), units.label()),
+        };
+        let value = (vehicle.speed_mps, 0.0..=FASTEST_MPS, unit.as_str());
         let mps = number(ui, ("Initial speed", "Laboratory metres per second"), value);
         row(ui, mps.map(VehicleEdit::Speed));
         ui.label("At its end");
@@ -166,24 +181,29 @@ fn name(ui: &mut Ui, vehicle: &StatedVehicle, state: &mut UiState) -> Option<Veh
     None
 }
 
-/// A choice of names. The default is written as no key at all.
+/// Name of the choice that is written as no key at all.
+const DEFAULT: &str = "default";
+
+/// A choice of names. What is not stated is shown as `unstated`.
 fn choice(
     ui: &mut Ui,
     label: &str,
-    (stated, names): (Option<&String>, &[String]),
+    (stated, names, unstated): (Option<&String>, &[String], &str),
     edit: fn(Option<String>) -> VehicleEdit,
 ) -> Option<VehicleEdit> {
-    const DEFAULT: &str = "default";
     let present = stated.map_or(DEFAULT, String::as_str);
     let mut chosen = None;
     let id = ui.label(label).id;
-    let list = ComboBox::from_id_salt(label).selected_text(present).show_ui(ui, |ui| {
-        for name in names {
-            if ui.selectable_label(name == present, name).clicked() && name != present {
-                chosen = Some(edit((name != DEFAULT).then(|| name.clone())));
+    let list = ComboBox::from_id_salt(label).selected_text(stated.map_or(unstated, String::as_str)).show_ui(
+        ui,
+        |ui| {
+            for name in names {
+                if ui.selectable_label(name == present, name).clicked() && name != present {
+                    chosen = Some(edit((name != DEFAULT).then(|| name.clone())));
+                }
             }
-        }
-    });
+        },
+    );
     list.response.labelled_by(id);
     chosen
 }

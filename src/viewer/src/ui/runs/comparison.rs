@@ -54,6 +54,8 @@ pub struct CurvesView<'a> {
 #[derive(Clone, Debug, Default)]
 pub struct ComparisonPanel {
     is_open: bool,
+    /// It was asked for since the last frame, and comes to the front.
+    is_asked: bool,
     /// `None` while the other run is chosen.
     compared: Option<ComparedRuns>,
     page: ComparisonPage,
@@ -63,18 +65,23 @@ pub struct ComparisonPanel {
 impl ComparisonPanel {
     /// Shows the runs that can be chosen.
     pub fn choose(&mut self) {
-        (self.is_open, self.compared) = (true, None);
+        (self.is_open, self.is_asked, self.compared) = (true, true, None);
     }
 
     /// Shows two runs.
     pub fn show(&mut self, compared: ComparedRuns) {
-        (self.is_open, self.compared) = (true, Some(compared));
+        (self.is_open, self.is_asked, self.compared) = (true, true, Some(compared));
         self.curves.vehicle = None;
     }
 
     /// The runs that are shown; `None` while the other one is chosen.
     pub fn compared(&self) -> Option<&ComparedRuns> {
         self.compared.as_ref()
+    }
+
+    /// Closes the window.
+    pub fn close(&mut self) {
+        self.is_open = false;
     }
 
     /// Whether the window is shown.
@@ -102,28 +109,30 @@ pub(super) fn window(ui: &Ui, state: &mut UiState, shown: &ViewModel<'_>, action
     let room = ui.ctx().content_rect().shrink2(egui::vec2(12.0, 48.0));
     let window =
         super::super::sheet(ui, "Compare runs").resizable(true).open(&mut is_open).constrain_to(room);
-    window.default_size(egui::vec2(560.0, 420.0).min(room.size())).show(ui.ctx(), |ui| {
-        match &panel.compared {
-            Some(compared) => {
-                for (letter, name) in ["A", "B"].iter().zip(&compared.names) {
-                    ui.label(format!("{letter}  {name}"));
-                }
-                if let Some(note) = &compared.note {
-                    ui.label(RichText::new(note).color(ui.visuals().warn_fg_color));
-                }
-                ui.horizontal(|ui| {
-                    ui.selectable_value(&mut panel.page, ComparisonPage::Measures, "Measures");
-                    ui.selectable_value(&mut panel.page, ComparisonPage::Curves, "Curves");
-                    chooses = ui.button("Another run ...").clicked();
-                });
-                match panel.page {
-                    ComparisonPage::Measures => table(ui, &compared.pairs, (preferences, shown.scale())),
-                    ComparisonPage::Curves => curves(ui, &mut panel.curves, shown.runs.curves),
-                }
+    let window = window.default_size(egui::vec2(560.0, 420.0).min(room.size()));
+    let shown_window = window.show(ui.ctx(), |ui| match &panel.compared {
+        Some(compared) => {
+            for (letter, name) in ["A", "B"].iter().zip(&compared.names) {
+                ui.label(format!("{letter}  {name}"));
             }
-            None => browses = choices(ui, shown, actions),
+            if let Some(note) = &compared.note {
+                ui.label(RichText::new(note).color(ui.visuals().warn_fg_color));
+            }
+            ui.horizontal(|ui| {
+                ui.selectable_value(&mut panel.page, ComparisonPage::Measures, "Measures");
+                ui.selectable_value(&mut panel.page, ComparisonPage::Curves, "Curves");
+                chooses = ui.button("Another run ...").clicked();
+            });
+            match panel.page {
+                ComparisonPage::Measures => table(ui, &compared.pairs, (preferences, shown.scale())),
+                ComparisonPage::Curves => curves(ui, &mut panel.curves, shown.runs.curves),
+            }
         }
+        None => browses = choices(ui, shown, actions),
     });
+    if let Some(response) = shown_window.filter(|_| std::mem::take(&mut panel.is_asked)) {
+        ui.ctx().move_to_top(response.response.layer_id);
+    }
     panel.is_open = is_open;
     if chooses {
         panel.choose();

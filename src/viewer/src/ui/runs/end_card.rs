@@ -6,6 +6,7 @@ use super::fields::seed;
 use city3d_logbook::measures::RunMeasures;
 use city3d_protocol::snapshot::Status;
 use city3d_session::{Order, RunPhase};
+use city3d_simulation::measures::TrafficMeasures;
 use egui::{Grid, RichText, TextEdit, Ui};
 
 /// State of the card.
@@ -47,7 +48,7 @@ pub(super) fn window(ui: &Ui, state: &mut UiState, shown: &ViewModel<'_>, action
             decimal.fixed(measures.simulated_s, 1)
         ));
         ui.add_space(4.0);
-        results(ui, &measures, &mean_speed, decimal);
+        results(ui, &measures, (&mean_speed, decimal), shown.traffic.measures());
         if run_state.now.vehicles.iter().any(|vehicle| vehicle.status == Status::Collided) {
             ui.label("Vehicles that have collided stay where they are: a new run puts all of them back.");
         }
@@ -82,7 +83,12 @@ pub(super) fn window(ui: &Ui, state: &mut UiState, shown: &ViewModel<'_>, action
     }
 }
 
-fn results(ui: &mut Ui, measures: &RunMeasures, mean_speed: &str, decimal: DecimalSeparator) {
+fn results(
+    ui: &mut Ui,
+    measures: &RunMeasures,
+    (mean_speed, decimal): (&str, DecimalSeparator),
+    traffic: &TrafficMeasures,
+) {
     let longest = measures.vehicles.values().max_by(|a, b| a.longest_stand_s.total_cmp(&b.longest_stand_s));
     Grid::new("results").num_columns(2).spacing([18.0, 3.0]).show(ui, |ui| {
         let mut row = |name: &str, value: String, is_bad: bool| {
@@ -94,6 +100,12 @@ fn results(ui: &mut Ui, measures: &RunMeasures, mean_speed: &str, decimal: Decim
         row("Collisions", measures.collisions.to_string(), measures.collisions > 0);
         row("Stops", measures.stops().to_string(), false);
         row("Mean speed", mean_speed.to_owned(), false);
+        let trips = traffic.trips();
+        let number = |value: Option<f64>, digits: usize, unit: &str| {
+            value.map_or_else(|| "-".to_owned(), |value| format!("{} {unit}", decimal.fixed(value, digits)))
+        };
+        row("Throughput", number(trips.throughput_per_h, 0, "vehicles/h"), false);
+        row("Mean delay", number(trips.mean_delay_s, 1, "s"), false);
         if let Some(vehicle) = longest.filter(|vehicle| vehicle.longest_stand_s >= 0.1) {
             row(
                 "Longest stand",

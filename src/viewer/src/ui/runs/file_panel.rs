@@ -1,6 +1,6 @@
 //! The panel that opens files: a folder's list, a path with completion, and a filter by kind. Everything goes by keyboard.
 
-use super::folder::{EntryKind, FileFilter, Folder, FolderEntry, has_run, kind_of};
+use super::folder::{EntryKind, FileFilter, Folder, FolderEntry, READABLE, has_run, kind_of};
 use super::{OpenRequest, RunPanels, StartLists, UiAction};
 use crate::ui::EditAction;
 use egui::text::{CCursor, CCursorRange};
@@ -180,10 +180,9 @@ impl FilePanel {
                 Some(Chosen::Open(path.to_path_buf()))
             }
             EntryKind::Other => {
-                self.trouble = Some(format!(
-                    "{} is no scenario (.toml), map (.dxf) or log (.mcap).",
-                    path.file_name().unwrap_or_default().display()
-                ));
+                let name = path.file_name().unwrap_or_default().display();
+                self.trouble =
+                    Some(format!("{name} is not a file that City3D reads: it reads a {READABLE}."));
                 None
             }
         }
@@ -321,7 +320,8 @@ fn path(ui: &mut Ui, panel: &mut FilePanel) {
 fn places(ui: &mut Ui, panel: &mut FilePanel, lists: &StartLists) {
     ui.horizontal_wrapped(|ui| {
         for (filter, name) in FileFilter::ALL {
-            if ui.selectable_label(panel.filter == filter, name).clicked() {
+            let choice = ui.selectable_label(panel.filter == filter, name).on_hover_text(filter.endings());
+            if choice.clicked() {
                 (panel.filter, panel.marked, panel.is_clicked) = (filter, 0, false);
             }
         }
@@ -348,7 +348,7 @@ fn list(ui: &mut Ui, panel: &mut FilePanel) -> Option<Chosen> {
     let listed: Vec<(String, PathBuf, EntryKind)> =
         panel.listed().iter().map(|entry| (entry.name.clone(), entry.path.clone(), entry.kind)).collect();
     if listed.is_empty() && panel.trouble.is_none() {
-        ui.label(RichText::new("Nothing to open here.").weak());
+        ui.label(RichText::new(format!("Nothing to open here: no {}.", panel.filter.endings())).weak());
     }
     let mut clicked = None;
     for (index, (name, path, kind)) in listed.iter().enumerate() {

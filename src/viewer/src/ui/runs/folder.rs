@@ -57,6 +57,16 @@ impl FileFilter {
     pub const ALL: [(Self, &'static str); 4] =
         [(Self::All, "All"), (Self::Scenarios, "Scenarios"), (Self::Maps, "Maps"), (Self::Logs, "Logs")];
 
+    /// What it lists, with the endings of the files.
+    pub fn endings(self) -> &'static str {
+        match self {
+            Self::All => READABLE,
+            Self::Scenarios => "scenario (.toml)",
+            Self::Maps => "map (.dxf)",
+            Self::Logs => "log (.mcap) or recorded run",
+        }
+    }
+
     fn shows(self, kind: EntryKind) -> bool {
         match kind {
             EntryKind::Folder => true,
@@ -67,6 +77,9 @@ impl FileFilter {
         }
     }
 }
+
+/// What can be opened, with the endings of its files.
+pub const READABLE: &str = "scenario (.toml), map (.dxf) or log (.mcap)";
 
 /// Whether a folder is that of a recorded run.
 pub fn has_run(folder: &Path) -> bool {

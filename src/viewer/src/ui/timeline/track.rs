@@ -1,11 +1,11 @@
 //! The track of the timeline: the bar with its playhead, event marks and times.
 
-use super::super::events::{colour, go_to, name};
+use super::super::events::{colour, go_to, name, select};
 use super::super::{UiAction, UiState, ViewModel, theme};
 use super::{ShownTime, TimelineRange, TimelineView};
 use city3d_protocol::snapshot::VehicleId;
 use city3d_session::playback::{MarkKind, PlaybackCommand, Playhead, TimelineMark};
-use egui::{Align2, Color32, FontId, PointerButton, Pos2, Rect, Response, RichText, Sense, Stroke, Ui, Vec2};
+use egui::{Align2, FontId, PointerButton, Pos2, Rect, Response, RichText, Sense, Stroke, Ui, Vec2};
 use std::collections::BTreeMap;
 
 /// Heights of the parts of the track, points.
@@ -52,7 +52,8 @@ impl TimeAxis {
     }
 }
 
-/// The track: a click or a drag seeks; a click on a mark goes to its event.
+/// The track: a click or a drag seeks; a click on a mark goes to its event, and a double click
+/// follows its vehicle.
 pub(super) fn show(
     ui: &mut Ui,
     state: &mut UiState,
@@ -81,7 +82,8 @@ pub(super) fn show(
             b.what.kind().cmp(&a.what.kind()).then(distance(a).total_cmp(&distance(b)))
         });
         match mark.filter(|_| is_on_marks).cloned() {
-            Some(mark) => go_to(&mark, state, actions),
+            Some(mark) if response.double_clicked() => go_to(&mark, state, actions),
+            Some(mark) => select(&mark, state, actions),
             None => {
                 let time_s = scale.time_s(at.x);
                 let is_end = replay.shown != ShownTime::Recorded && time_s >= head.to_s;
@@ -186,9 +188,11 @@ fn paint(ui: &Ui, rect: Rect, scale: &TimeAxis, state: &UiState, replay: &Timeli
             Stroke::new(2.0, ui.visuals().warn_fg_color),
         );
     }
-    let line = Stroke::new(2.0, Color32::WHITE);
+    // White on dark ground, and black on light ground.
+    let knob = ui.visuals().strong_text_color();
+    let line = Stroke::new(2.0, knob);
     painter.vline(here, rect.top()..=bar.bottom(), line);
-    painter.circle_filled(Pos2::new(here, bar.center().y), 5.0, Color32::WHITE);
+    painter.circle_filled(Pos2::new(here, bar.center().y), 5.0, knob);
 }
 
 /// Least distance of marks, points; closer ones form a cluster with the most severe kind.

@@ -1,7 +1,7 @@
 //! What the first picture shows: a part of the city in which vehicles are so large that they are seen to move.
 
 use super::super::ControlZoneArea;
-use super::{AROUND_M, Viewpoint};
+use super::{AROUND_M, CameraMode, Viewpoint};
 use city3d_protocol::snapshot::FrameSnapshot;
 use city3d_roadmap::CityMap;
 use glam::DVec2;
@@ -22,6 +22,8 @@ pub(super) enum FirstView {
     /// The map, as long as there are no vehicles.
     WithoutVehicles,
     Chosen,
+    /// The user has chosen the whole city, from however far.
+    City,
 }
 
 impl Viewpoint {
@@ -29,8 +31,8 @@ impl Viewpoint {
     /// the camera meanwhile.
     pub fn begin(&mut self, seen: &FrameSnapshot, map: &CityMap, zones: &[ControlZoneArea]) {
         let is_empty = seen.vehicles.is_empty() && zones.is_empty();
-        let is_chosen =
-            self.first == FirstView::Chosen || (is_empty && self.first == FirstView::WithoutVehicles);
+        let is_chosen = matches!(self.first, FirstView::Chosen | FirstView::City)
+            || (is_empty && self.first == FirstView::WithoutVehicles);
         let is_moved = self.first == FirstView::WithoutVehicles && self.whole.is_none();
         if is_chosen || is_moved {
             return;
@@ -41,12 +43,29 @@ impl Viewpoint {
     }
 }
 
+impl Viewpoint {
+    /// Shows the whole city at once.
+    pub fn frame_city(&mut self, map: &CityMap) {
+        let Some(whole) = city(map) else { return };
+        (self.follow, self.goal) = (None, None);
+        if self.mode != CameraMode::Overhead {
+            self.mode = CameraMode::Orbit;
+        }
+        (self.whole, self.is_turned, self.first) = (Some(whole), true, FirstView::City);
+    }
+}
+
+/// The ground rectangle of all lanes.
+fn city(map: &CityMap) -> Option<[DVec2; 2]> {
+    let samples = map.lanes.iter().flat_map(|lane| lane.curve.sample(ROUGHLY_M));
+    bounds(samples.map(|(_, at)| at.pose.position))
+}
+
 /// The ground rectangle that is shown at first: all vehicles where they are near one another, else a control zone, where
 /// they will come, else the part of the city with the most of them; without vehicles and zones the whole map.
 fn first_view(seen: &FrameSnapshot, map: &CityMap, zones: &[ControlZoneArea]) -> Option<[DVec2; 2]> {
     let places: Vec<DVec2> = seen.vehicles.iter().map(|vehicle| vehicle.position.truncate()).collect();
-    let samples = map.lanes.iter().flat_map(|lane| lane.curve.sample(ROUGHLY_M));
-    let city = bounds(samples.map(|(_, at)| at.pose.position));
+    let city = city(map);
     let Some([low, high]) = bounds(places.iter().copied()) else {
         return zones.first().map(|zone| around(zone.middle)).or(city);
     };

@@ -82,6 +82,12 @@ impl ViewerState {
     /// Gives an order to the city. Before a reset the user is asked, unless nothing is lost.
     pub(super) fn order(&mut self, order: Order, now_s: f64) -> Option<WindowRequest> {
         let run_state = self.run_state();
+        let moves = matches!(order, Order::Start | Order::Step | Order::Reset | Order::RunUntil(_));
+        if self.edits && moves {
+            self.state
+                .say("The run waits while its scenario is edited: run that, or go back to the run.", now_s);
+            return None;
+        }
         match (&self.source, &order) {
             (ViewedRun::Ended(_), Order::Reset) => {
                 let request = Opening::scenario(self.request.clone());
@@ -142,7 +148,8 @@ impl ViewerState {
                 if let Some(why) = written.failure {
                     self.state.notice = Some((why.to_string(), now_s + FILES_ARE_TOLD_S));
                 } else if let Some(last) = written.folders.last() {
-                    self.state.say(format!("{name} is recorded in {}", last.display()), now_s);
+                    self.state
+                        .say(format!("The run before, {name}, is recorded in {}", last.display()), now_s);
                 }
                 self.recorded.extend(recorded(name, written.folders));
             }
@@ -198,6 +205,9 @@ impl ViewerState {
         request: ScenarioRequest,
         experiment: Arc<Experiment>,
     ) -> ViewedRun {
+        let was_edited = self.editor.as_ref().filter(|_| self.edits).and_then(|editor| editor.file());
+        let is_same = self.request.scenario == request.scenario
+            || was_edited.is_some_and(|file| file == Path::new(&request.scenario));
         let kept = self.leave_editor();
         let old = std::mem::replace(&mut self.source, source);
         (self.request, self.refused, self.seated_in_run) = (request, 0, 0);
@@ -210,7 +220,12 @@ impl ViewerState {
         self.past.go_live();
         self.experiment = experiment;
         let first = self.run_state();
+        let viewpoint = self.state.viewpoint.clone();
         self.state = self.state.renewed(&first.now);
+        if is_same {
+            // Who runs what was edited, or the same again, looks at the same place.
+            self.state.viewpoint = viewpoint;
+        }
         self.state.open.editor = false;
         if let Some(kept) = kept {
             self.state.runs.problem = Some(Problem::of_file("The edited scenario was not saved", kept));

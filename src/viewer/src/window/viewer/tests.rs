@@ -4,13 +4,14 @@ use super::super::loading;
 use super::super::opening::{OpenTarget, Opening};
 use super::super::recording::LogLocation;
 use super::*;
-use crate::ui::QualityPreset;
 use crate::ui::runs::{CurveChoice, OpenRequest};
+use crate::ui::{CameraMode, EditAction, QualityPreset};
 use crate::window::settings::ViewSettings;
 use city3d_logbook::figures::FigureScale;
 use city3d_logbook::figures::chart::Figure;
 use city3d_protocol::snapshot::VehicleId;
 use city3d_session::Order;
+use city3d_simulation::environment::EnvironmentProfile;
 use city3d_simulation::scenario::Overrides;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
@@ -287,4 +288,55 @@ fn that_the_run_is_paused_is_said_once_to_who_takes_control() {
     assert_eq!(viewer.state.driven(), Some(vehicle));
     assert_eq!(viewer.state.notice, None, "the dashboard says it");
     viewer.close().unwrap();
+}
+
+#[test]
+fn the_title_tells_what_replaces_values_and_the_next_scenario_is_as_it_is_written() {
+    let overrides = Overrides {
+        duration_s: Some(15.0),
+        environment: Some(EnvironmentProfile::Testbed),
+        ..Overrides::default()
+    };
+    let request =
+        ScenarioRequest { scenario: "straight".to_owned(), overrides, ..ScenarioRequest::default() };
+    let mut viewer = viewer(request, LogLocation::Nowhere);
+    assert_eq!(viewer.title(), "straight (testbed, 15 s) - City3D");
+    let next = opening(viewer.act(vec![UiAction::Scenario("roundabout".to_owned())], 0.0));
+    let OpenTarget::Scenario(next) = next.target else { panic!("{next:?}") };
+    assert_eq!((next.scenario.as_str(), next.overrides), ("roundabout", Overrides::default()));
+    viewer.state.runs.start_page.fields.seed = "7".to_owned();
+    let experiment = loading::read(&next).unwrap();
+    viewer.enter(next, experiment, 0.0).unwrap();
+    assert_eq!(viewer.state.runs.start_page.fields, Default::default(), "used once");
+    assert_eq!(viewer.title(), "roundabout - City3D");
+}
+
+#[test]
+fn who_runs_the_same_scenario_again_looks_at_the_same_place() {
+    let mut viewer = viewer(request("straight", 3.0), LogLocation::Nowhere);
+    viewer.state.set_mode(CameraMode::Overhead);
+    viewer.state.viewpoint.look_at(glam::DVec2::new(12.5, 3.0));
+    let looked = viewer.state.viewpoint.clone();
+    let again = request("straight", 4.0);
+    let experiment = loading::read(&again).unwrap();
+    viewer.enter(again, experiment, 0.0).unwrap();
+    assert_eq!(viewer.state.viewpoint, looked);
+    let other = request("roundabout", 4.0);
+    let experiment = loading::read(&other).unwrap();
+    viewer.enter(other, experiment, 0.0).unwrap();
+    assert_ne!(viewer.state.viewpoint, looked);
+}
+
+#[test]
+fn the_run_waits_while_its_scenario_is_edited() {
+    let mut viewer = viewer(request("straight", 3.0), LogLocation::Nowhere);
+    viewer.act(vec![UiAction::Edit(EditAction::Begin)], 0.0);
+    for order in [Order::Start, Order::Step, Order::Reset] {
+        viewer.state.notice = None;
+        assert!(viewer.act(vec![UiAction::Order(order)], 0.0).is_empty());
+        assert!(viewer.state.notice.as_ref().unwrap().0.contains("is edited"));
+    }
+    assert_eq!(viewer.run_state().phase, RunPhase::Ready);
+    viewer.act(vec![UiAction::Edit(EditAction::End), UiAction::Order(Order::Step)], 0.0);
+    wait(&viewer, "a step", |state| state.now.tick == 1);
 }
