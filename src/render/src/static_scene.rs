@@ -11,7 +11,7 @@ use super::geometry::{DrawBucket, GeometryChunk, GeometryPacker, PieceLod, Scene
 use super::instances::{InstancedScene, PreparedInstances, VisibleInstance};
 use super::normal_clusters::NormalCluster;
 use super::occlusion_horizon::{AzimuthSector, OcclusionHorizon};
-use city3d_scene::{SceneDescription, SceneObject, Surface, Wall};
+use city3d_scene::{CELL_M, SceneDescription, SceneObject, Surface, Wall};
 use glam::Vec3;
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -272,7 +272,7 @@ impl StaticScene {
         let (mut untextured, objects): (Vec<_>, Vec<_>) =
             visible.iter().partition(|piece| piece.is_untextured);
         let (mut ground, lines) =
-            (cull.visible_pieces(&self.pieces.ground), cull.visible_pieces(&self.pieces.lines));
+            (cull.visible_ground(&self.pieces.ground), cull.visible_pieces(&self.pieces.lines));
         if cull.texture_detail == TextureDetail::None {
             untextured.append(&mut ground);
         }
@@ -364,6 +364,22 @@ impl CullContext<'_> {
     fn visible_pieces<'p>(&self, pieces: &'p [ScenePiece]) -> Vec<VisiblePiece<'p>> {
         let mut visible: Vec<VisiblePiece<'p>> =
             pieces.iter().filter_map(|piece| self.test_piece(piece)).collect();
+        visible.sort_by(|a, b| a.distance_m.total_cmp(&b.distance_m));
+        visible
+    }
+
+    /// Pieces of the ground, front to back. None is too small to be drawn, and the plain around the city is hidden by nothing:
+    /// crowns of woods are less opaque than what stands for them as an occluder, and one would look into nothing.
+    fn visible_ground<'p>(&self, pieces: &'p [ScenePiece]) -> Vec<VisiblePiece<'p>> {
+        let open = OcclusionHorizon::empty();
+        let cells = CullContext { min_size_px: 0.0, ..*self };
+        let plain = CullContext { horizon: &open, ..cells };
+        let test = |piece: &'p ScenePiece| {
+            let [low, high] = piece.bounds;
+            let is_cell = (high - low).truncate().max_element() < 2.0 * CELL_M;
+            if is_cell { cells.test_piece(piece) } else { plain.test_piece(piece) }
+        };
+        let mut visible: Vec<VisiblePiece<'p>> = pieces.iter().filter_map(test).collect();
         visible.sort_by(|a, b| a.distance_m.total_cmp(&b.distance_m));
         visible
     }
