@@ -19,6 +19,7 @@ mod mesh;
 mod models;
 mod outlines;
 mod parked;
+mod people;
 mod plants;
 mod polygon;
 mod props;
@@ -55,7 +56,7 @@ pub struct SceneDescription {
     pub ground: Vec<SceneObject>,
     /// Objects on the ground: buildings, trees, furniture, vehicles.
     pub objects: Vec<SceneObject>,
-    /// Models that the map places, each once.
+    /// Models that the map places, and people, each once.
     pub instanced: Vec<InstancedObject>,
     /// Opaque walls: occluders for occlusion culling.
     pub walls: Vec<Wall>,
@@ -291,6 +292,8 @@ impl SceneDescription {
         objects.extend(woods::woods([low, high]));
         walls.extend(woods::walls([low, high]));
         let mut instanced = models::place(map, models);
+        let posts = people::Posts::of(&objects);
+        instanced.extend(people::people(map, &field, outlines.kerbs(), &posts));
         objects.extend(parked::cars(map, &drives));
         objects.retain(|object: &SceneObject| !object.is_empty());
         let sheet = outlines.ground(map, &drives);

@@ -279,6 +279,11 @@ impl Outlines {
         if is_near { without(&whole, &self.paved) } else { whole.to_vec() }
     }
 
+    /// Outlines of the asphalt, with the road to their left.
+    pub(super) fn kerbs(&self) -> &[Vec<DVec2>] {
+        &self.kerbs
+    }
+
     /// The ground of a map: asphalt, kerbs with lowered parts at driveways, pavements and grass.
     pub(super) fn ground(self, map: &CityMap, drives: &[&Footprint]) -> GroundSheet {
         let kerbs: Vec<Kerb> = self.kerbs.iter().map(|ring| Kerb::new(ring, drives)).collect();
