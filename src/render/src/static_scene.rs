@@ -11,7 +11,7 @@ use super::geometry::{DrawBucket, GeometryChunk, GeometryPacker, PieceLod, Scene
 use super::instances::{InstancedScene, PreparedInstances, VisibleInstance};
 use super::normal_clusters::NormalCluster;
 use super::occlusion_horizon::{AzimuthSector, OcclusionHorizon};
-use city3d_scene::{CELL_M, SceneDescription, SceneObject, Surface, Wall};
+use city3d_scene::{SceneDescription, SceneObject, Surface, Wall};
 use glam::Vec3;
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -368,16 +368,30 @@ impl CullContext<'_> {
         visible
     }
 
-    /// Pieces of the ground, front to back. None is too small to be drawn, and the plain around the city is hidden by nothing:
-    /// crowns of woods are less opaque than what stands for them as an occluder, and one would look into nothing.
+    /// Pieces of the ground in the frustum, front to back. None is too small to be drawn, and what is hidden is drawn as
+    /// coarsely as it goes: a crown or a coarse wall covers a little less than what stands for it as an occluder, and
+    /// beside it one would look into nothing.
     fn visible_ground<'p>(&self, pieces: &'p [ScenePiece]) -> Vec<VisiblePiece<'p>> {
-        let open = OcclusionHorizon::empty();
-        let cells = CullContext { min_size_px: 0.0, ..*self };
-        let plain = CullContext { horizon: &open, ..cells };
         let test = |piece: &'p ScenePiece| {
             let [low, high] = piece.bounds;
-            let is_cell = (high - low).truncate().max_element() < 2.0 * CELL_M;
-            if is_cell { cells.test_piece(piece) } else { plain.test_piece(piece) }
+            if !self.frustum.intersects_box(piece.bounds) {
+                return None;
+            }
+            let distance_m = self.eye.clamp(low, high).distance(self.eye);
+            let is_hidden =
+                self.horizon.hides_hull(&piece.top_outline) || self.horizon.hides_box(piece.bounds);
+            let level = if is_hidden {
+                piece.levels.last()
+            } else {
+                piece.levels.get(self.lod(&piece.levels, 1.0, distance_m))
+            };
+            let middle = (low + high) / 2.0;
+            Some(VisiblePiece {
+                distance_m,
+                reach_m: middle.distance(self.eye) + high.distance(middle),
+                level: level?,
+                is_untextured: is_hidden || self.is_untextured(piece, distance_m),
+            })
         };
         let mut visible: Vec<VisiblePiece<'p>> = pieces.iter().filter_map(test).collect();
         visible.sort_by(|a, b| a.distance_m.total_cmp(&b.distance_m));

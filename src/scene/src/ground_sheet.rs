@@ -409,7 +409,7 @@ mod tests {
                 let at = DVec2::new(draw(100 * ring + 2 * k), draw(100 * ring + 2 * k + 1)) * 5.0 * cell;
                 let at = if draw(5000 + 100 * ring + k) < 0.4 { (at / cell).round() * cell } else { at };
                 let height_m = 0.05 + 0.1 * draw(9000 + 100 * ring + k) as f32;
-                Corner { at, height_m, is_kept: k % 5 == 0 }
+                Corner { at, height_m, is_kept: k.is_multiple_of(5) }
             };
             let ring = |ring: u32| (0..14).map(|k| corner(ring, k)).collect::<Vec<_>>();
             let rings: Vec<(Cover, Vec<Corner>)> =
