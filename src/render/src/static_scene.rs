@@ -272,7 +272,7 @@ impl StaticScene {
         let (mut untextured, objects): (Vec<_>, Vec<_>) =
             visible.iter().partition(|piece| piece.is_untextured);
         let (mut ground, lines) =
-            (cull.visible_pieces(&self.pieces.ground), cull.visible_pieces(&self.pieces.lines));
+            (cull.visible_ground(&self.pieces.ground), cull.visible_pieces(&self.pieces.lines));
         if cull.texture_detail == TextureDetail::None {
             untextured.append(&mut ground);
         }
@@ -364,6 +364,36 @@ impl CullContext<'_> {
     fn visible_pieces<'p>(&self, pieces: &'p [ScenePiece]) -> Vec<VisiblePiece<'p>> {
         let mut visible: Vec<VisiblePiece<'p>> =
             pieces.iter().filter_map(|piece| self.test_piece(piece)).collect();
+        visible.sort_by(|a, b| a.distance_m.total_cmp(&b.distance_m));
+        visible
+    }
+
+    /// Pieces of the ground in the frustum, front to back. None is too small to be drawn, and what is hidden is drawn as
+    /// coarsely as it goes: a crown or a coarse wall covers a little less than what stands for it as an occluder, and
+    /// beside it one would look into nothing.
+    fn visible_ground<'p>(&self, pieces: &'p [ScenePiece]) -> Vec<VisiblePiece<'p>> {
+        let test = |piece: &'p ScenePiece| {
+            let [low, high] = piece.bounds;
+            if !self.frustum.intersects_box(piece.bounds) {
+                return None;
+            }
+            let distance_m = self.eye.clamp(low, high).distance(self.eye);
+            let is_hidden =
+                self.horizon.hides_hull(&piece.top_outline) || self.horizon.hides_box(piece.bounds);
+            let level = if is_hidden {
+                piece.levels.last()
+            } else {
+                piece.levels.get(self.lod(&piece.levels, 1.0, distance_m))
+            };
+            let middle = (low + high) / 2.0;
+            Some(VisiblePiece {
+                distance_m,
+                reach_m: middle.distance(self.eye) + high.distance(middle),
+                level: level?,
+                is_untextured: is_hidden || self.is_untextured(piece, distance_m),
+            })
+        };
+        let mut visible: Vec<VisiblePiece<'p>> = pieces.iter().filter_map(test).collect();
         visible.sort_by(|a, b| a.distance_m.total_cmp(&b.distance_m));
         visible
     }

@@ -1,10 +1,11 @@
 //! Car parks: asphalt with rows of bays, and a stone edge that is open at driveways.
 
+use super::ground_sheet::ASPHALT;
 use super::grounds::{STONE, distance_to, ring_of};
 use super::markings::{WHITE, figure, straight_line};
 use super::mesh::{Class, Finish, Mesh, Surface};
 use super::polygon::{Region, mitre};
-use super::roads::{ASPHALT, level};
+use super::roads::level;
 use city3d_geometry::point_in_polygon;
 use city3d_roadmap::Footprint;
 use glam::DVec2;

@@ -4,7 +4,7 @@ use super::Class;
 
 impl Class {
     /// In the order of their numbers.
-    pub const ALL: [Self; 13] = [
+    pub const ALL: [Self; 14] = [
         Self::Sky,
         Self::Road,
         Self::Marking,
@@ -18,6 +18,7 @@ impl Class {
         Self::Water,
         Self::Vehicle,
         Self::Sign,
+        Self::Person,
     ];
 
     /// The name used in files and documents.
@@ -36,6 +37,7 @@ impl Class {
             Self::Water => "water",
             Self::Vehicle => "vehicle",
             Self::Sign => "sign",
+            Self::Person => "person",
         }
     }
 
@@ -56,6 +58,7 @@ impl Class {
             Self::Water => [30, 80, 220],
             Self::Vehicle => [0, 0, 142],
             Self::Sign => [220, 220, 0],
+            Self::Person => [220, 20, 60],
         }
     }
 }

@@ -54,6 +54,8 @@ const HULL_TONE: f32 = 1.02;
 const HULL_CONTRAST: f32 = 2.4;
 /// Largest tilt of hull normals, per face around it: hulls have few, large faces.
 const HULL_LEAN: f32 = 0.22;
+/// How often a face is cut into four parts to find out whether other clumps cover it.
+const CUTS: u32 = 4;
 /// Light inside a crown and at its bottom.
 const INSIDE: f32 = 0.42;
 
@@ -99,6 +101,19 @@ impl Crown {
         self.clumps.iter().enumerate().any(|(k, clump)| k != index && clump.depth(point) < 0.94)
     }
 
+    /// Whether a face is inside other clumps than `index`, of whose ellipsoids the faces leave so much: each part of it
+    /// wholly in one, because corners in different clumps say nothing about what lies between them.
+    fn is_covered(&self, corners: [Vec3; 3], index: usize, solid: f32, cuts: u32) -> bool {
+        let mut others = self.clumps.iter().enumerate().filter(|(k, _)| *k != index);
+        if others.any(|(_, clump)| corners.into_iter().all(|corner| clump.depth(corner) < solid)) {
+            return true;
+        }
+        let [a, b, c] = corners;
+        let [ab, bc, ca] = [a.midpoint(b), b.midpoint(c), c.midpoint(a)];
+        let parts = [[a, ab, ca], [ab, b, bc], [ca, bc, c], [ab, bc, ca]];
+        cuts > 0 && parts.into_iter().all(|part| self.is_covered(part, index, solid, cuts - 1))
+    }
+
     fn clump(&self, mesh: &mut Mesh, index: usize, [around, rings]: [u32; 2]) {
         let clump = self.clumps[index];
         let hash_to_unit = |salt: u32| self.hash_to_unit(index as u32, salt);
@@ -125,6 +140,7 @@ impl Crown {
             }
         }
         let corner = |mesh: &Mesh, k: u32| mesh.vertices[k as usize].position;
+        let solid = solid_share([around, rings]);
         for ring in 0..rings {
             for k in 0..around {
                 let a = base + ring * (around + 1) + k;
@@ -137,7 +153,7 @@ impl Crown {
                     faces.push([a, b + 1, b]);
                 }
                 for face in faces {
-                    if !face.iter().all(|&k| self.is_hidden(corner(mesh, k), index)) {
+                    if !self.is_covered(face.map(|k| corner(mesh, k)), index, solid, CUTS) {
                         mesh.indices.extend(face);
                     }
                 }
@@ -242,6 +258,12 @@ impl Crown {
     }
 }
 
+/// Share of a clump's radius that its faces enclose: they cut off what bulges between their corners. Half of the rough
+/// surface's amplitude is added: a dent is seldom as deep as it may be, and what it bares are the faces behind it.
+fn solid_share([around, rings]: [u32; 2]) -> f32 {
+    (1.0 + ROUGH / 2.0) * (PI / around as f32).cos() * (PI / (2 * rings) as f32).cos()
+}
+
 /// A trunk or branch: a tube through points with a radius at each.
 pub(super) fn limb(mesh: &mut Mesh, joints: &[(Vec3, f32)], sides: u32, finish: Finish) {
     let (Some(first), Some(last)) = (joints.first(), joints.last()) else { return };
@@ -266,5 +288,59 @@ pub(super) fn limb(mesh: &mut Mesh, joints: &[(Vec3, f32)], sides: u32, finish: 
             let d = c + sides + 1;
             mesh.indices.extend([c, c + 1, d + 1, c, d + 1, d]);
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::mesh::{Class, Surface};
+    use super::*;
+
+    /// Distance along a ray to a triangle, and whether the ray meets its front (Möller and Trumbore 1997).
+    fn hit([a, b, c]: [Vec3; 3], from: Vec3, along: Vec3) -> Option<(f32, bool)> {
+        let (u, v) = (b - a, c - a);
+        let p = along.cross(v);
+        let det = u.dot(p);
+        let s = (from - a) / det;
+        let q = s.cross(u);
+        let (x, y, t) = (s.dot(p), along.dot(q), v.dot(q));
+        (det.abs() > 1e-9 && x >= 0.0 && y >= 0.0 && x + y <= 1.0 && t > 0.0).then_some((t, det > 0.0))
+    }
+
+    /// Whatever is in a crown is behind its leaves: a ray into a clump meets a front first, never the back of a face
+    /// through a gap.
+    #[test]
+    fn no_crown_has_a_hole() {
+        let finish = Finish::new(Surface::Leaves, [200; 3], Class::Vegetation);
+        let mut looked = 0;
+        for (name, seed, clumps) in super::super::trees::crowns() {
+            let crown = Crown { clumps, finish, seed };
+            for detail in [[7, 4], [5, 3], [4, 2]] {
+                let mut mesh = Mesh::default();
+                crown.draw(&mut mesh, CrownDetail { clumps: detail, sprays: 0 });
+                let faces: Vec<[Vec3; 3]> = mesh
+                    .indices
+                    .chunks_exact(3)
+                    .map(|t| [t[0], t[1], t[2]].map(|k| mesh.vertices[k as usize].position))
+                    .collect();
+                for k in 0..2000 {
+                    let draw = |salt: u32| crown.hash_to_unit(k, 7000 + salt);
+                    let clump =
+                        crown.clumps[(draw(1) * crown.clumps.len() as f32) as usize % crown.clumps.len()];
+                    let (turn, up) = (TAU * draw(2), 2.0 * draw(3) - 1.0);
+                    let out = Vec3::new(turn.cos(), turn.sin(), 0.0) * (1.0 - up * up).sqrt() + Vec3::Z * up;
+                    let inside = Vec3::new(draw(4) - 0.5, draw(5) - 0.5, draw(6) - 0.5) * solid_share(detail);
+                    let target = clump.centre + inside * clump.size;
+                    let hits = faces.iter().filter_map(|face| hit(*face, target + out * 20.0, -out));
+                    let first = hits.min_by(|a, b| a.0.total_cmp(&b.0));
+                    assert!(
+                        first.is_some_and(|(_, is_front)| is_front),
+                        "{name} of {detail:?} faces: a hole towards {target} from {out}: {first:?}"
+                    );
+                    looked += 1;
+                }
+            }
+        }
+        assert!(looked > 50_000, "{looked}");
     }
 }

@@ -1,17 +1,16 @@
 //! Kerbs along the outline of the asphalt, lowered at driveways.
 
+use super::ground_sheet::KERB_M;
 use super::grounds::{covers, ring_of};
-use super::mesh::{Class, Finish, Mesh, Surface};
-use super::polygon::{Region, mitre};
-use super::roads::{KERB_M, PAVEMENT, PAVEMENT_REPEAT_M, band_along};
+use super::outlines::Corner;
+use super::polygon::mitre;
 use city3d_roadmap::Footprint;
-use glam::{DVec2, Vec2};
+use glam::DVec2;
 
-const STONE: Finish = Finish::new(Surface::Concrete, [186, 184, 178], Class::Pavement);
 /// Height of kerbstones, and of lowered ones.
 const TOP_M: f32 = KERB_M + 0.006;
 const LOWERED_M: f32 = 0.03;
-/// Width, including their faces.
+/// Width of the stones.
 pub(super) const WIDTH_M: f64 = 0.20;
 /// Length of the ramp from full height to lowered stones.
 const RAMP_M: f64 = 0.9;
@@ -19,9 +18,8 @@ const RAMP_M: f64 = 0.9;
 const APRON_M: f64 = 1.3;
 /// Largest distance between a driveway and the face of the kerb.
 const DRIVE_WITHIN_M: f64 = 3.0;
-
-/// Outline error from which on kerbs are not lowered.
-pub(super) const EVEN_FROM_M: f32 = TOP_M - LOWERED_M;
+/// The backs of lowered stones are at most so far from their faces.
+const BACK_WITHIN_M: f64 = 2.0 * WIDTH_M;
 
 /// A closed kerb, the road to its left: corners and their arc lengths.
 pub(super) struct Kerb {
@@ -29,6 +27,11 @@ pub(super) struct Kerb {
     stations: Vec<f64>,
     /// Lowered intervals.
     lowered: Vec<[f64; 2]>,
+}
+
+/// A stretch of lowered kerb with its ramps: its faces, and how much of the height is gone at each corner.
+pub(super) struct Fall {
+    line: Vec<(DVec2, f32)>,
 }
 
 impl Kerb {
@@ -59,52 +62,103 @@ impl Kerb {
         Self { ring: corners, stations, lowered }
     }
 
-    /// Height of the stones at a corner.
-    fn top(&self, corner: usize) -> f32 {
-        let s = self.stations[corner % self.stations.len()];
+    /// How much of the height is gone at a corner, from 0 to 1.
+    fn fall_at(&self, corner: usize) -> f32 {
+        let s = self.stations[corner];
         let share = self.lowered.iter().map(|&[a, b]| ((a - s).max(s - b) / RAMP_M).clamp(0.0, 1.0));
-        LOWERED_M + (TOP_M - LOWERED_M) * share.fold(1.0, f64::min) as f32
+        1.0 - share.fold(1.0, f64::min) as f32
     }
 
     /// Corners of each lowered interval with its ramps.
-    fn falls(&self) -> impl Iterator<Item = Vec<usize>> {
+    fn fallen(&self) -> impl Iterator<Item = Vec<usize>> {
         self.lowered.iter().map(|&[a, b]| {
             let within = a - RAMP_M - 1e-3..=b + RAMP_M + 1e-3;
             (0..self.ring.len()).filter(|&k| within.contains(&self.stations[k])).collect()
         })
     }
 
-    fn beside(&self, corner: usize, out: f64) -> DVec2 {
-        self.ring[corner] + mitre(&self.ring, corner) * out
+    /// Its lowered stretches.
+    pub(super) fn falls(&self) -> impl Iterator<Item = Fall> {
+        self.fallen().map(|corners| Fall {
+            line: corners.into_iter().map(|k| (self.ring[k], self.fall_at(k))).collect(),
+        })
     }
 
-    /// The aprons: pavement ramps down to lowered kerbs.
-    pub(super) fn aprons(&self) -> Vec<Region> {
-        let ring = |fall: Vec<usize>| -> Vec<DVec2> {
-            let back = fall.iter().map(|&k| self.beside(k, APRON_M));
-            fall.iter().rev().map(|&k| self.ring[k]).chain(back).collect()
+    /// The upper edge of its faces; corners where it falls are at every level of detail.
+    pub(super) fn face_corners(&self) -> Vec<Corner> {
+        let kept: Vec<usize> = self.fallen().flatten().collect();
+        let corner = |(k, &at): (usize, &DVec2)| Corner {
+            at,
+            height_m: TOP_M - (TOP_M - LOWERED_M) * self.fall_at(k),
+            is_kept: kept.contains(&k),
         };
-        self.falls().map(|fall| Region::simple(&ring(fall))).collect()
+        self.ring.iter().enumerate().map(corner).collect()
     }
 
-    /// Draws kerbstones and aprons.
-    pub(super) fn draw(&self, mesh: &mut Mesh) {
-        let face = |k: usize| [Vec2::ZERO, Vec2::new(0.02, self.top(k))];
-        let lid = |k: usize| [Vec2::new(0.02, self.top(k)), Vec2::new(WIDTH_M as f32, self.top(k))];
-        let uv = |along: f32, edge: Vec2| Vec2::new(along, edge.x + edge.y) / 2.0;
-        band_along(mesh, &self.ring, face, STONE.shaded(0.86), uv);
-        band_along(mesh, &self.ring, lid, STONE, uv);
-        for fall in self.falls() {
-            for pair in fall.windows(2) {
-                let low = |k: usize| {
-                    self.beside(k, WIDTH_M - 0.01).as_vec2().extend(self.top(k) - (TOP_M - KERB_M))
-                };
-                let high = |k: usize| self.beside(k, APRON_M).as_vec2().extend(KERB_M);
-                let corners = [low(pair[1]), low(pair[0]), high(pair[0]), high(pair[1])];
-                let uvs = corners.map(|p| p.truncate() / PAVEMENT_REPEAT_M);
-                mesh.face(&corners, &uvs, PAVEMENT);
-            }
-        }
+    /// Where the pavement behind lowered stones has come back to its height.
+    pub(super) fn apron_backs(&self) -> impl Iterator<Item = DVec2> {
+        self.fallen().flatten().map(|k| self.ring[k] + mitre(&self.ring, k) * APRON_M)
+    }
+}
+
+/// The backs of kerbstones as a ring, lowered along these falls.
+pub(super) fn back_corners(ring: &[DVec2], falls: &[Fall]) -> Vec<Corner> {
+    let mut corners: Vec<Corner> = Vec::new();
+    for (k, &from) in ring.iter().enumerate() {
+        let to = ring[(k + 1) % ring.len()];
+        corners.push(Corner { at: from, height_m: KERB_M, is_kept: false });
+        // A corner beside each one of a fall.
+        let along = to - from;
+        let beside = falls.iter().filter(|fall| fall.is_near(from, to)).flat_map(|fall| &fall.line);
+        let mut shares: Vec<f64> = beside
+            .map(|(at, _)| ((*at - from).dot(along) / along.length_squared().max(1e-12), *at))
+            .filter(|(share, at)| {
+                (0.0..1.0).contains(share) && from.lerp(to, *share).distance(*at) < BACK_WITHIN_M
+            })
+            .map(|(share, _)| share)
+            .collect();
+        shares.sort_by(f64::total_cmp);
+        let bends = shares.into_iter().map(|share| Corner {
+            at: from.lerp(to, share),
+            height_m: KERB_M,
+            is_kept: true,
+        });
+        corners.extend(bends);
+    }
+    for corner in &mut corners {
+        corner.height_m = pavement_height(falls, corner.at);
+        corner.is_kept |= corner.height_m < KERB_M;
+    }
+    corners
+}
+
+/// Height of the pavement at a place, with ramps down to lowered stones.
+pub(super) fn pavement_height(falls: &[Fall], at: DVec2) -> f32 {
+    let lowered = |fall: &Fall| {
+        let (away, share) = fall.nearest(at);
+        let back = ((away - WIDTH_M) / (APRON_M - WIDTH_M)).clamp(0.0, 1.0);
+        share * (1.0 - back as f32)
+    };
+    KERB_M - (TOP_M - LOWERED_M) * falls.iter().map(lowered).fold(0.0, f32::max)
+}
+
+impl Fall {
+    /// Whether an edge may be the back of it.
+    fn is_near(&self, from: DVec2, to: DVec2) -> bool {
+        let (low, high) = (from.min(to) - BACK_WITHIN_M, from.max(to) + BACK_WITHIN_M);
+        self.line.iter().any(|(at, _)| at.cmpge(low).all() && at.cmple(high).all())
+    }
+
+    /// Distance from the stretch, and how much of the height is gone at its nearest point.
+    fn nearest(&self, point: DVec2) -> (f64, f32) {
+        let to_edge = |pair: &[(DVec2, f32)]| {
+            let [(a, from), (b, to)] = [pair[0], pair[1]];
+            let along = b - a;
+            let share = ((point - a).dot(along) / along.length_squared().max(1e-12)).clamp(0.0, 1.0);
+            (a.lerp(b, share).distance(point), from + (to - from) * share as f32)
+        };
+        let edges = self.line.windows(2).map(to_edge);
+        edges.min_by(|a, b| a.0.total_cmp(&b.0)).unwrap_or((f64::INFINITY, 0.0))
     }
 }
 
@@ -169,11 +223,14 @@ fn lowered(ring: &[DVec2], drives: &[Driveway<'_>]) -> Vec<[f64; 2]> {
 
 #[cfg(test)]
 mod tests {
+    use super::super::ground_sheet::{GRASS_M, GroundSheet};
     use super::super::grounds::distance_to;
+    use super::super::mesh::{Mesh, Surface};
+    use super::super::outlines::Cover;
     use super::super::tests::city;
     use super::super::{SceneDescription, SceneryKind};
     use super::*;
-    use glam::Vec3;
+    use glam::{Vec2, Vec3};
 
     /// Highest point of a mesh's surfaces of a finish above a place.
     fn top(mesh: &Mesh, surface: Surface, at: Vec2) -> Option<f32> {
@@ -191,42 +248,62 @@ mod tests {
         heights.reduce(f32::max)
     }
 
-    fn square() -> Vec<DVec2> {
-        [(0.0, 0.0), (30.0, 0.0), (30.0, 20.0), (0.0, 20.0)].map(DVec2::from).to_vec()
+    /// Where the road begins, off the lines of the grid.
+    const ORIGIN: DVec2 = DVec2::new(1.0, 1.5);
+
+    fn rectangle(low: [f64; 2], high: [f64; 2]) -> Footprint {
+        let ring = [low, [high[0], low[1]], high, [low[0], high[1]]];
+        Footprint::Polygon(ring.map(|at| ORIGIN + DVec2::from(at)).to_vec())
+    }
+
+    /// A road of 30 m by 20 m, and what lies so far around it.
+    fn square(around: f64) -> Vec<DVec2> {
+        [(0.0, 0.0), (30.0, 0.0), (30.0, 20.0), (0.0, 20.0)]
+            .map(|(x, y)| {
+                let out = |value: f64| if value > 0.0 { around } else { -around };
+                ORIGIN + DVec2::new(x + out(x), y + out(y))
+            })
+            .to_vec()
+    }
+
+    /// The ground around the road.
+    fn ground(kerb: &Kerb) -> Mesh {
+        let falls: Vec<Fall> = kerb.falls().collect();
+        let grass = |at: DVec2| Corner { at, height_m: GRASS_M, is_kept: false };
+        let rings = [
+            (Cover::Road, kerb.face_corners()),
+            (Cover::Kerb, back_corners(&square(WIDTH_M), &falls)),
+            (Cover::Pavement, square(2.0).into_iter().map(grass).collect()),
+        ];
+        let box_ = [DVec2::splat(-5.0), DVec2::splat(35.0)];
+        GroundSheet::new(box_, &rings, |at| pavement_height(&falls, at), kerb.apron_backs()).mesh(0.0)
     }
 
     #[test]
     fn stones_are_low_before_a_drive_and_high_beside_it() {
-        let drive = Footprint::Polygon(
-            [(12.0, -3.5), (16.0, -3.5), (16.0, -2.0), (12.0, -2.0)].map(DVec2::from).to_vec(),
-        );
-        let mut mesh = Mesh::default();
-        let kerb = Kerb::new(&square(), &[&drive]);
-        kerb.draw(&mut mesh);
-        let stone = |x: f32| top(&mesh, Surface::Concrete, Vec2::new(x, -0.1)).unwrap();
+        let drive = rectangle([12.0, -3.5], [16.0, -2.0]);
+        let mesh = ground(&Kerb::new(&square(0.0), &[&drive]));
+        // The stones slope to the pavement by less than a centimetre.
+        let origin = ORIGIN.as_vec2();
+        let stone = |x: f32| top(&mesh, Surface::Concrete, origin + Vec2::new(x, -0.01)).unwrap();
         for low in [12.1, 14.0, 15.9] {
-            assert!((stone(low) - LOWERED_M).abs() < 1e-4, "{low}: {}", stone(low));
+            assert!((stone(low) - LOWERED_M).abs() < 1e-3, "{low}: {}", stone(low));
         }
         for high in [2.0, 10.9, 17.1, 29.0] {
-            assert!((stone(high) - TOP_M).abs() < 1e-4, "{high}: {}", stone(high));
+            assert!((stone(high) - TOP_M).abs() < 1e-3, "{high}: {}", stone(high));
         }
-        // The pavement meets the stones, and its own height further back, and is cut out for the slope.
-        let slope = |x: f32, y: f32| top(&mesh, Surface::Slabs, Vec2::new(x, y)).unwrap();
-        assert!((slope(14.0, -0.2) - LOWERED_M).abs() < 0.008, "{}", slope(14.0, -0.2));
-        assert!((slope(14.0, -1.299) - KERB_M).abs() < 1e-3, "{}", slope(14.0, -1.299));
-        let aprons = kerb.aprons();
-        assert_eq!(aprons.len(), 1);
-        let sum: f64 =
-            aprons[0].triangulate().iter().map(|t| super::super::polygon::doubled_area(t) / 2.0).sum();
-        // Found in steps of a tenth.
-        assert!((sum - (4.0 + 2.0 * RAMP_M) * APRON_M).abs() < 0.15, "{sum}");
+        // The pavement meets the stones, and comes back to its own height further back.
+        let slope = |x: f32, y: f32| top(&mesh, Surface::Slabs, origin + Vec2::new(x, y)).unwrap();
+        for x in [12.5, 14.0, 15.5] {
+            assert!((slope(x, -0.202) - LOWERED_M).abs() < 0.008, "{}", slope(x, -0.202));
+            assert!((slope(x, -1.299) - KERB_M).abs() < 2e-3, "{}", slope(x, -1.299));
+        }
+        assert!((slope(5.0, -0.202) - KERB_M).abs() < 2e-3 && (slope(5.0, -1.999) - GRASS_M).abs() < 2e-3);
         // Without drives, and with one that is too far, nothing falls.
-        let far = Footprint::Polygon(
-            [(12.0, -6.0), (16.0, -6.0), (16.0, -3.2), (12.0, -3.2)].map(DVec2::from).to_vec(),
-        );
-        assert!(
-            Kerb::new(&square(), &[&far]).lowered.is_empty() && Kerb::new(&square(), &[]).lowered.is_empty()
-        );
+        let far = rectangle([12.0, -6.0], [16.0, -3.2]);
+        for drives in [&[&far][..], &[]] {
+            assert!(Kerb::new(&square(0.0), drives).lowered.is_empty());
+        }
     }
 
     #[test]

@@ -9,6 +9,7 @@ mod class;
 mod field;
 mod foliage;
 mod furniture;
+mod ground_sheet;
 mod grounds;
 mod kerbs;
 mod lanes;
@@ -16,7 +17,9 @@ mod lettering;
 mod markings;
 mod mesh;
 mod models;
+mod outlines;
 mod parked;
+mod people;
 mod plants;
 mod polygon;
 mod props;
@@ -30,9 +33,9 @@ mod trees;
 mod wear;
 mod woods;
 
+pub use ground_sheet::ASPHALT;
 pub use lettering::glyph_cell;
 pub use mesh::{Class, Finish, Mesh, Surface, Vertex, clustered, reach};
-pub use roads::ASPHALT;
 pub use signals::{LENS_RADIUS_M, SignalLenses};
 pub use signs::sign_cell;
 
@@ -53,7 +56,7 @@ pub struct SceneDescription {
     pub ground: Vec<SceneObject>,
     /// Objects on the ground: buildings, trees, furniture, vehicles.
     pub objects: Vec<SceneObject>,
-    /// Models that the map places, each once.
+    /// Models that the map places, and people, each once.
     pub instanced: Vec<InstancedObject>,
     /// Opaque walls: occluders for occlusion culling.
     pub walls: Vec<Wall>,
@@ -228,7 +231,7 @@ impl SceneDescription {
         let is_paved = |piece: &&Scenery| matches!(piece.kind, SceneryKind::Paving | SceneryKind::Parking);
         let paving: Vec<Vec<DVec2>> =
             map.scenery.iter().filter(is_paved).map(|piece| grounds::ring_of(&piece.shape)).collect();
-        let outlines = roads::Outlines::new(&field, wear::covered(map), &paving);
+        let outlines = roads::Outlines::new(&field, &paving);
         let beside_roads = |ring: &[DVec2]| outlines.beside_roads(&field, ring);
         let (mut lying, mut objects, mut walls) = (Mesh::default(), Vec::new(), Vec::new());
         let (mut lamps, mut clocks) = (Vec::new(), Vec::new());
@@ -289,9 +292,12 @@ impl SceneDescription {
         objects.extend(woods::woods([low, high]));
         walls.extend(woods::walls([low, high]));
         let mut instanced = models::place(map, models);
+        let posts = people::Posts::of(&objects);
+        instanced.extend(people::people(map, &field, outlines.kerbs(), &posts));
         objects.extend(parked::cars(map, &drives));
         objects.retain(|object: &SceneObject| !object.is_empty());
-        let roads = |error_m: &f32| LodMesh { mesh: outlines.ground(*error_m, &drives), error_m: *error_m };
+        let sheet = outlines.ground(map, &drives);
+        let roads = |error_m: &f32| LodMesh { mesh: sheet.mesh(*error_m), error_m: *error_m };
         let paint = || {
             let paint = markings::RoadMarkings::new(map, &field, &lanes);
             markings::LEVELS
@@ -311,7 +317,7 @@ impl SceneDescription {
         let mut wear = SceneObject::of_one_level(wear::wear(map, &lanes));
         // From afar plain asphalt suffices.
         wear.levels.push(LodMesh { mesh: Mesh::default(), error_m: wear::SEEN_M });
-        ground.push(SceneObject::of_one_level(roads::plain(map)));
+        ground.push(SceneObject::of_one_level(sheet.plain()));
         ground.push(wear);
         ground.push(SceneObject::of_one_level(lying));
         ground.retain(|object| !object.is_empty());

@@ -147,6 +147,8 @@ pub enum Class {
     Vehicle = 11,
     /// Faces of road signs and heads of traffic signals; their poles are poles.
     Sign = 12,
+    /// Pedestrians, and people who sit.
+    Person = 13,
 }
 
 /// The finish of a face: surface, colour and class.

@@ -1,7 +1,7 @@
 //! Places model files on the map.
 
+use super::ground_sheet::GRASS_M;
 use super::mesh::{Class, Finish, Mesh, Surface, Vertex};
-use super::roads::GRASS_M;
 use super::{InstancedObject, SceneObject};
 use city3d_models::{Material, Model, ModelNode};
 use city3d_roadmap::{CityMap, PlacedModel};

@@ -7,7 +7,7 @@ use super::mesh::{Class, Finish, Mesh, Surface};
 use super::polygon::Region;
 use super::roads::level;
 use super::{SceneObject, SeededScenery};
-use city3d_roadmap::Footprint;
+use city3d_roadmap::{Footprint, Scenery};
 use glam::{DVec2, Vec2, Vec3};
 
 const STONE_WALL: Finish = Finish::new(Surface::Brick, [188, 168, 146], Class::Wall);
@@ -89,16 +89,21 @@ pub(super) fn lamp(
     furniture.place(FurnitureKind::Lamp, foot.extend(0.08), towards, scale)
 }
 
+/// Middle of a bench, and where one looks who sits on it.
+pub(super) fn bench_place(bench: &Scenery) -> (Vec2, Vec2) {
+    let (.., yaw) = rectangle(&bench.shape);
+    (middle(&bench.shape), -Vec2::from_angle(yaw).perp())
+}
+
 /// A bench, and for some a bin beside it.
 pub(super) fn bench(
     place: &SeededScenery<'_>,
     furniture: &Furniture,
     is_free: impl Fn(Vec2) -> bool,
 ) -> Vec<SceneObject> {
-    let (length, _, yaw) = rectangle(&place.piece.shape);
-    let at = middle(&place.piece.shape);
-    let ahead = Vec2::from_angle(yaw);
-    let front = -ahead.perp();
+    let (length, ..) = rectangle(&place.piece.shape);
+    let (at, front) = bench_place(place.piece);
+    let ahead = front.perp();
     let mut pieces = vec![furniture.place(FurnitureKind::Bench, at.extend(FOOT_M), front, 1.0)];
     let beside = [1.0_f32, -1.0].map(|side| at + ahead * (side * (length / 2.0 + 0.55)));
     if place.hash_to_unit(2) < 0.5

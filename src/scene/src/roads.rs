@@ -1,9 +1,11 @@
-//! Ground meshes: asphalt from the union of all lanes, pavements along its outline, grass beyond.
+//! The outline of the road surface from the union of all lanes, with pavements along it.
 
 use super::CELL_M;
 use super::field::{DistanceField, regions_of, simplified};
-use super::kerbs::{self, Kerb};
-use super::mesh::{Class, Finish, Mesh, Surface, Vertex};
+use super::ground_sheet::{GRASS_M, GroundSheet};
+use super::kerbs::{self, Fall, Kerb};
+use super::mesh::{Finish, Mesh, Vertex};
+use super::outlines::{Corner, Cover};
 use super::polygon::{Region, inset_union, mitre, without};
 use super::smoothing::smooth_outlines;
 use city3d_geometry::Segment;
@@ -21,26 +23,12 @@ const PAVEMENT_M: f32 = 2.0;
 const BEYOND_M: f64 = 0.6;
 /// Around everything.
 const MARGIN_M: f64 = 14.0;
-/// Grid lines of the plain around the city, as distances from it, out to the haze. Per-vertex lighting
-/// computes haze at vertices, so it needs lines in between.
-const PLAIN_LINES_M: [f32; 5] = [50.0, 120.0, 240.0, 480.0, 1400.0];
 /// Taper length in front of a widened bend.
 const TAPER_M: f64 = 5.0;
 /// Clearance between smoothed outlines and obstacles.
 const KEPT_M: f64 = 1.2;
 /// Smaller holes in the asphalt are filled.
 const LEAST_ISLAND_M2: f64 = 2.5;
-
-pub(super) const KERB_M: f32 = 0.12;
-/// Height of the ground beyond the pavements.
-pub(super) const GRASS_M: f32 = 0.10;
-
-/// Finish of roads and car parks, without paint and wear.
-pub const ASPHALT: Finish = Finish::new(Surface::Asphalt, [110, 110, 112], Class::Road);
-pub(super) const GRASS: Finish = Finish::new(Surface::Grass, [104, 118, 74], Class::Grass);
-/// Texture repeat of the slabs, metres.
-pub(super) const PAVEMENT_REPEAT_M: f32 = 2.4;
-pub(super) const PAVEMENT: Finish = Finish::new(Surface::Slabs, [172, 166, 156], Class::Pavement);
 
 /// The signed distance field of the road surface: negative on the road, corners rounded, infinite far away.
 pub(super) struct RoadField {
@@ -239,61 +227,42 @@ pub(super) fn band_along(
 /// Edge tolerance by level of detail.
 pub(super) const LEVELS: [f32; 3] = [0.0, 0.08, 0.30];
 
-/// Levels from this error on have the whole asphalt, since overlays are not drawn in all of them.
-const COVERED_BELOW_M: f32 = LEVELS[2];
-
 /// Outlines of all ground covers, as fine as the grid.
 pub(super) struct Outlines {
-    asphalt: Vec<Vec<DVec2>>,
-    /// Where an overlay hides the asphalt, except from afar.
-    covered: Vec<Region>,
     kerbs: Vec<Vec<DVec2>>,
     /// Up to the backs of the kerbs.
     paved: Vec<Region>,
     pavement: Vec<Vec<DVec2>>,
-    grass: Vec<Vec<DVec2>>,
 }
 
 fn rings_of(regions: Vec<Region>) -> Vec<Vec<DVec2>> {
     regions.into_iter().flat_map(|region| std::iter::once(region.outer).chain(region.holes)).collect()
 }
 
-/// Overlap under higher surfaces, so that coarse outlines leave no gap.
-const UNDER_M: f32 = 0.18;
-
 /// Narrower strips between paved areas are paved.
 const STRIP_M: f64 = 1.0;
 
-/// Finest tolerance of kerb outlines.
+/// Finest tolerance of kerb outlines, and of those of pavements.
 const KERBS_WITHIN_M: f64 = 0.012;
+const PAVEMENTS_WITHIN_M: f64 = 0.04;
+/// Smaller pieces of pavement are left out.
+const LEAST_PAVEMENT_M2: f64 = 0.2;
 
 impl Outlines {
     /// Outlines for a road field and further paved areas.
-    pub(super) fn new(field: &RoadField, covered: Vec<Region>, paving: &[Vec<DVec2>]) -> Self {
+    pub(super) fn new(field: &RoadField, paving: &[Vec<DVec2>]) -> Self {
         let road = &field.distance;
-        let kerbs = road.contours(SHOULDER_M);
-        // Distance from the kerb, off the road.
-        let edges = regions_of(simplified(&kerbs, KERBS_WITHIN_M), LEAST_ISLAND_M2);
-        let off = road.distance_to(&rings_of(edges), f64::from(PAVEMENT_M) + BEYOND_M);
-        let pavement = road.with(&off, |road, off| (off - PAVEMENT_M).max(SHOULDER_M + 0.04 - road));
+        let kerbs = simplified(&road.contours(SHOULDER_M), KERBS_WITHIN_M);
+        let kerbs = rings_of(regions_of(kerbs, LEAST_ISLAND_M2));
+        let away = road.signed_distance_to(&kerbs, f64::from(PAVEMENT_M) + BEYOND_M);
         // Closes grass strips as narrow as this between pavements and other paved areas.
         let paved = rings_of(inset_union(paving.iter().map(Vec::as_slice), 0.0));
         let paved = road.signed_distance_to(&paved, BEYOND_M);
-        let both = closed(&pavement.with(&paved, f32::min), STRIP_M / 2.0, BEYOND_M);
-        let beside = both.with(&paved, |both, paved| both.max(-UNDER_M - paved));
-        let pavement = beside.with(road, |beside, road| beside.max(SHOULDER_M + 0.04 - road));
-        let grass = road.with(&off, |road, off| {
-            if road < SHOULDER_M { PAVEMENT_M } else { PAVEMENT_M - UNDER_M - off.min(PAVEMENT_M + 4.0) }
-        });
-        let paved = simplified(&road.contours(SHOULDER_M + kerbs::WIDTH_M as f32), 2.0 * KERBS_WITHIN_M);
-        Self {
-            asphalt: road.contours(SHOULDER_M + UNDER_M),
-            covered,
-            paved: regions_of(paved, LEAST_ISLAND_M2),
-            kerbs,
-            pavement: pavement.contours(0.0),
-            grass: grass.contours(0.0),
-        }
+        let pavement = away.with(&paved, |away, paved| (away - PAVEMENT_M).min(paved));
+        let pavement = closed(&pavement, STRIP_M / 2.0, BEYOND_M).contours(0.0);
+        let pavement = regions_of(simplified(&pavement, PAVEMENTS_WITHIN_M), LEAST_PAVEMENT_M2);
+        let paved = simplified(&road.contours(SHOULDER_M + kerbs::WIDTH_M as f32), 3.0 * KERBS_WITHIN_M);
+        Self { kerbs, paved: regions_of(paved, LEAST_ISLAND_M2), pavement: rings_of(pavement) }
     }
 
     /// The part of a ring that lies behind the kerbs.
@@ -310,59 +279,26 @@ impl Outlines {
         if is_near { without(&whole, &self.paved) } else { whole.to_vec() }
     }
 
-    /// Asphalt, kerbs with lowered parts at driveways, pavements and grass.
-    pub(super) fn ground(&self, error_m: f32, drives: &[&Footprint]) -> Mesh {
-        let within = |finest: f64| finest.max(f64::from(error_m));
-        let regions =
-            |rings: &[Vec<DVec2>], finest: f64, least| regions_of(simplified(rings, within(finest)), least);
-        let mut mesh = Mesh::default();
-        let mut asphalt = regions(&self.asphalt, 0.015, LEAST_ISLAND_M2);
-        if error_m < COVERED_BELOW_M {
-            asphalt = without(&asphalt, &self.covered);
-        }
-        for region in asphalt {
-            level(&mut mesh, &region, 0.0, ASPHALT, 5.0);
-        }
-        let drives = if error_m < kerbs::EVEN_FROM_M { drives } else { &[] };
-        let rings = rings_of(regions(&self.kerbs, KERBS_WITHIN_M, LEAST_ISLAND_M2));
-        let kerbs: Vec<Kerb> = rings.iter().map(|ring| Kerb::new(ring, drives)).collect();
-        for kerb in &kerbs {
-            kerb.draw(&mut mesh);
-        }
-        let aprons: Vec<Region> = kerbs.iter().flat_map(Kerb::aprons).collect();
-        for region in without(&regions(&self.pavement, 0.02, 0.2), &aprons) {
-            level(&mut mesh, &region, KERB_M, PAVEMENT, PAVEMENT_REPEAT_M);
-        }
-        for region in regions(&self.grass, 0.03, 0.5) {
-            level(&mut mesh, &region, GRASS_M, GRASS, 6.0);
-        }
-        mesh
+    /// Outlines of the asphalt, with the road to their left.
+    pub(super) fn kerbs(&self) -> &[Vec<DVec2>] {
+        &self.kerbs
     }
-}
 
-/// The plain around the city, out to the haze.
-pub(super) fn plain(map: &CityMap) -> Mesh {
-    let [low, high] = map.bounds();
-    let (low, high) = ((low - MARGIN_M + 0.6).as_vec2(), (high + MARGIN_M - 0.6).as_vec2());
-    let lines = |low: f32, high: f32| -> Vec<f32> {
-        let below = PLAIN_LINES_M.iter().rev().map(|away| low - away);
-        below
-            .chain([low, (low + high) / 2.0, high])
-            .chain(PLAIN_LINES_M.iter().map(|away| high + away))
-            .collect()
-    };
-    let (xs, ys) = (lines(low.x, high.x), lines(low.y, high.y));
-    let mut mesh = Mesh::default();
-    for x in xs.windows(2) {
-        for y in ys.windows(2) {
-            let inside = |a: &[f32], low, high| (low..high).contains(&a[0]);
-            if inside(x, low.x, high.x) && inside(y, low.y, high.y) {
-                continue;
-            }
-            let ring = [[x[0], y[0]], [x[1], y[0]], [x[1], y[1]], [x[0], y[1]]].map(Vec2::from);
-            let uvs = ring.map(|p| p / 6.0);
-            mesh.face(&ring.map(|p| p.extend(GRASS_M - 0.02)), &uvs, GRASS);
-        }
+    /// The ground of a map: asphalt, kerbs with lowered parts at driveways, pavements and grass.
+    pub(super) fn ground(self, map: &CityMap, drives: &[&Footprint]) -> GroundSheet {
+        let kerbs: Vec<Kerb> = self.kerbs.iter().map(|ring| Kerb::new(ring, drives)).collect();
+        let falls: Vec<Fall> = kerbs.iter().flat_map(Kerb::falls).collect();
+        let backs = rings_of(self.paved);
+        let on_grass = |at: &DVec2| Corner { at: *at, height_m: GRASS_M, is_kept: false };
+        let rings: Vec<(Cover, Vec<Corner>)> = kerbs
+            .iter()
+            .map(|kerb| (Cover::Road, kerb.face_corners()))
+            .chain(backs.iter().map(|ring| (Cover::Kerb, kerbs::back_corners(ring, &falls))))
+            .chain(self.pavement.iter().map(|ring| (Cover::Pavement, ring.iter().map(on_grass).collect())))
+            .collect();
+        let [low, high] = map.bounds();
+        let height_at = |at: DVec2| kerbs::pavement_height(&falls, at);
+        let aprons = kerbs.iter().flat_map(Kerb::apron_backs);
+        GroundSheet::new([low - MARGIN_M, high + MARGIN_M], &rings, height_at, aprons)
     }
-    mesh
 }

@@ -53,10 +53,10 @@ enum TreeDetail {
     Hull([u32; 2], u32),
 }
 
-const FINEST: TreeDetail = TreeDetail::Clumps(CrownDetail { clumps: [7, 4], sprays: 28 }, 5);
+const FINEST: TreeDetail = TreeDetail::Clumps(CrownDetail { clumps: [7, 4], sprays: 22 }, 5);
 /// Coarser levels with their errors in crown radii. Hulls differ from crowns by more than their silhouettes.
 const COARSER: [(TreeDetail, f32); 6] = [
-    (TreeDetail::Clumps(CrownDetail { clumps: [5, 3], sprays: 26 }, 5), 0.06),
+    (TreeDetail::Clumps(CrownDetail { clumps: [5, 3], sprays: 20 }, 5), 0.06),
     (TreeDetail::Clumps(CrownDetail { clumps: [4, 2], sprays: 6 }, 3), 0.10),
     (TreeDetail::Hull([8, 5], 3), 0.17),
     (TreeDetail::Hull([7, 3], 3), 0.20),
@@ -68,6 +68,18 @@ const COARSER: [(TreeDetail, f32); 6] = [
 /// error, as a share of the width.
 #[cfg(test)]
 pub(super) const BRIDGED: f32 = 0.16;
+
+/// The clumps of all prototypes with leaves, with their names and seeds.
+#[cfg(test)]
+pub(super) fn crowns() -> Vec<(String, u32, Vec<Clump>)> {
+    let leafy = KINDS.into_iter().filter(|kind| *kind != TreeKind::Spruce);
+    let all = leafy.flat_map(|kind| (0..VARIANTS).map(move |variant| (kind, variant)));
+    all.map(|(kind, variant)| {
+        let seed = kind as u32 * 31 + variant;
+        (format!("{kind:?} {variant}"), seed, Tree::new(kind, seed).clumps())
+    })
+    .collect()
+}
 
 /// Tree prototypes with a crown of radius 1.
 pub(super) struct TreePrototypes {

@@ -1,12 +1,11 @@
 //! Road wear: tyre tracks along the lanes, patches, manhole covers.
 
+use super::ground_sheet::ASPHALT;
 use super::lanes::LaneBoxIndex;
 use super::mesh::{Class, Finish, Mesh, Surface};
-use super::polygon::{Region, inset_union, simplify_ring};
-use super::roads::ASPHALT;
 use city3d_geometry::Pose2;
 use city3d_roadmap::{CityMap, Lane, LaneKind};
-use glam::{DVec2, Vec2};
+use glam::Vec2;
 
 /// Height of tracks above the asphalt, below the paint. Overlapping tracks differ by height steps to avoid
 /// z-fighting.
@@ -16,10 +15,6 @@ const STEP_M: f32 = 0.0004;
 const STEPS: u32 = 13;
 /// Overlap of tracks beyond the edges and ends of their lane.
 const LAP_M: f64 = 0.02;
-/// Overlap of asphalt under the tracks, so that no gap shows from the side.
-const UNDER_M: f64 = 0.5;
-/// Tolerance of the asphalt edge under the tracks.
-const WITHIN_M: f64 = 0.06;
 pub(super) const PATCH_M: f32 = 0.0075;
 const COVER_M: f32 = 0.0085;
 /// Size of visible wear detail, for its error.
@@ -37,23 +32,6 @@ const COVER: Finish = Finish::new(Surface::Manhole, [110, 110, 112], Class::Road
 
 fn worn(map: &CityMap) -> impl Iterator<Item = &Lane> {
     map.lanes.iter().filter(|lane| lane.kind == LaneKind::Lane)
-}
-
-/// Regions where tracks hide the asphalt.
-pub(super) fn covered(map: &CityMap) -> Vec<Region> {
-    let sides = |lane: &Lane| -> Vec<DVec2> {
-        let (half, poses) = (lane.width_m / 2.0 + LAP_M, poses(lane));
-        let right = poses.iter().map(|(pose, _)| pose.point_at(0.0, -half));
-        right.chain(poses.iter().rev().map(|(pose, _)| pose.point_at(0.0, half))).collect()
-    };
-    let rings: Vec<Vec<DVec2>> = worn(map).map(sides).collect();
-    let mut covered = inset_union(rings.iter().map(Vec::as_slice), UNDER_M);
-    for region in &mut covered {
-        for ring in std::iter::once(&mut region.outer).chain(&mut region.holes) {
-            *ring = simplify_ring(ring, WITHIN_M);
-        }
-    }
-    covered
 }
 
 /// Height step of each lane: a colouring of overlapping lanes with distinct steps.

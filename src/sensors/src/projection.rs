@@ -32,7 +32,7 @@ pub struct Lens {
 
 impl Default for Lens {
     fn default() -> Self {
-        Self { vertical_fov_rad: 50_f64.to_radians(), near_m: 0.1, far_m: 1500.0, extent: [640, 480] }
+        Self { vertical_fov_rad: 50_f64.to_radians(), near_m: 0.1, far_m: 12_000.0, extent: [640, 480] }
     }
 }
 

@@ -1,5 +1,5 @@
 //! Tasks of the project's own, which the program does not need: generators of the files of `assets/`, a
-//! benchmark beside other engines, and a soak test.
+//! benchmark beside other engines, a check of ground truth, and a soak test.
 //!
 //! `cargo xtask --help` lists them.
 
@@ -7,6 +7,7 @@
 #![allow(missing_docs, reason = "tasks of the project, not a library")]
 
 pub mod generate;
+pub mod ground_truth;
 pub mod models;
 pub mod neutral;
 pub mod notices;

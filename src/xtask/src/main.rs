@@ -5,6 +5,7 @@ use std::io::Error;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use xtask::generate::ids3c;
+use xtask::ground_truth::{GroundTruthArgs, ground_truth};
 use xtask::models;
 use xtask::neutral::{NeutralArgs, neutral};
 use xtask::notices;
@@ -23,6 +24,8 @@ enum Task {
     /// Generate the files of assets/, and the notices of third-party software
     #[command(subcommand)]
     Generate(GenerateTask),
+    /// Draw cities from random places in every quality: nothing is missing below the horizon, and classes agree
+    GroundTruth(GroundTruthArgs),
     /// Measure camera pictures per second of a neutral scene that other engines can draw
     Neutral(NeutralArgs),
     /// Serve a city for hours in simulated time, while its mainframe comes and goes
@@ -50,6 +53,7 @@ enum GenerateTask {
 fn main() -> ExitCode {
     let result = match Xtask::parse().task {
         Task::Generate(task) => generate(&task).map_err(Into::into),
+        Task::GroundTruth(args) => ground_truth(&args),
         Task::Neutral(args) => neutral(&args),
         Task::Soak(args) => soak(&args),
     };

@@ -72,6 +72,9 @@ const WHITE: [f32; 3] = [0.94, 0.94, 0.92];
 const DARK: [f32; 3] = [0.17, 0.18, 0.19];
 const RED: [f32; 3] = [0.64, 0.40, 0.32];
 
+/// Height of the string course at the foot of a storey, as a share of it.
+const COURSE: f32 = 0.05;
+
 /// Casement window under a small cornice.
 pub(super) fn windows(at: [f32; 2]) -> Texel {
     let window = WindowPattern { across: [0.30, 0.70], up: [0.28, 0.80], frame: WHITE, bar: 0.66, seed: 4 };
@@ -83,20 +86,19 @@ pub(super) fn windows(at: [f32; 2]) -> Texel {
     if within(at, [0.25, 0.75], [0.245, 0.28]) || within(at, [0.25, 0.75], [0.83, 0.865]) {
         return grey(1.0);
     }
+    // The shade of the cornice falls on the surround too.
+    if within(at, [0.26, 0.76], [0.215, 0.245]) || within(at, [0.26, 0.76], [0.815, 0.83]) {
+        return grey(wall * 0.80);
+    }
     if within(at, [0.27, 0.73], [0.28, 0.83]) {
         return grey(0.99);
     }
-    if within(at, [0.26, 0.76], [0.215, 0.245]) || within(at, [0.27, 0.75], [0.815, 0.83]) {
-        return grey(wall * 0.80);
-    }
-    let run = if (at[0] - 0.29).abs() < 0.012 || (at[0] - 0.71).abs() < 0.012 {
-        at[1].min(0.215) * 0.30
-    } else {
-        0.0
-    };
+    // Stains run from the ends of the sill down to the string course.
+    let is_below_end = (at[0] - 0.29).abs() < 0.012 || (at[0] - 0.71).abs() < 0.012;
+    let run = if is_below_end && at[1] < 0.215 { (at[1] - COURSE).max(0.0) * 0.40 } else { 0.0 };
     let band = if at[1] < 0.022 {
         0.84
-    } else if at[1] < 0.05 {
+    } else if at[1] < COURSE {
         1.04
     } else {
         1.0
@@ -437,4 +439,35 @@ pub(super) fn gate(at: [f32; 2]) -> Texel {
     } else {
         0.88
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn level(u: f32, v: f32) -> f32 {
+        windows([u, v]).0[1]
+    }
+
+    /// Else specks are left of it where it ends.
+    #[test]
+    fn the_shade_of_a_cornice_runs_from_end_to_end() {
+        for u in [0.28, 0.35, 0.5, 0.65, 0.72, 0.74] {
+            assert!(
+                level(u, 0.822) < 0.85 * level(u, 0.85),
+                "{u}: {} of {}",
+                level(u, 0.822),
+                level(u, 0.85)
+            );
+        }
+    }
+
+    #[test]
+    fn stains_run_from_the_sill_down_to_the_string_course() {
+        let darker = |v: f32| level(0.255, v) - level(0.29, v);
+        assert!(darker(0.20) > 0.03, "{}", darker(0.20));
+        for v in [0.03, 0.048, 0.88, 0.95, 0.99] {
+            assert!(darker(v).abs() < 0.035, "{v}: {}", darker(v));
+        }
+    }
 }

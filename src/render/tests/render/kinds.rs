@@ -426,3 +426,33 @@ fn low_shows_what_ultra_shows() {
         }
     }
 }
+
+/// By day most drivers of the city see somebody; a person is at least so many pixels.
+#[test]
+fn most_drivers_of_the_city_see_people() {
+    const LEAST_PX: usize = 6;
+    let Some(context) = software() else { return };
+    let (text, library) = Library::scenario("city").unwrap();
+    let experiment = Arc::new(read_experiment("city", &text, &library, Overrides::default()).unwrap());
+    let scene = SceneDescription::with_models(&experiment.city_map, &experiment.models.placed);
+    let run = Run::new(experiment).unwrap();
+    let snapshot = run.snapshot();
+    let kinds: PictureKinds = [PictureKind::Semantic].into_iter().collect();
+    let requests: Vec<RenderRequest> = snapshot
+        .vehicles
+        .iter()
+        .map(|vehicle| {
+            let view =
+                Camera::onboard(vehicle.id, Mount::Windscreen).view(snapshot, &Lens::default()).unwrap();
+            RenderRequest { view, kinds }
+        })
+        .collect();
+    let pictures = renderer(&context, &scene).render_kinds(snapshot, &requests).unwrap();
+    let person = Class::Person as u8;
+    let sees = |pictures: &&Pictures| {
+        let semantic = pictures.semantic.as_ref().unwrap();
+        semantic.values.iter().filter(|&&class| class == person).count() >= LEAST_PX
+    };
+    let seeing = pictures.iter().filter(sees).count();
+    assert!(10 * seeing >= 6 * pictures.len() && pictures.len() == 50, "{seeing} of {}", pictures.len());
+}

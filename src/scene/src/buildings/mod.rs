@@ -61,8 +61,10 @@ pub(super) fn building(
     }
     let front = entrance::front_of(&sides, &open, lanes, place.piece.front_rad);
     let bay = entrance::door_bay(&sides[front], &style, |at| around.bars_the_way(at));
+    let below = roof::eaves_over(&ring, gabled);
     for (k, side) in sides.iter().enumerate() {
-        storeys(mesh, side, &style, eaves, (k == front).then(|| entrance::windowless(side, &style, bay)));
+        let windowless = (k == front).then(|| entrance::windowless(side, &style, bay));
+        storeys(mesh, side, &style, (eaves, below(k)), windowless);
     }
     entrance::entrance(mesh, (&sides[front], bay), &style, &name, eaves);
     special::additions(mesh, &name, &ring, height);
@@ -151,8 +153,15 @@ fn bare(finish: Finish) -> Finish {
     Finish { surface, colour, ..finish }
 }
 
-/// Draws one facade; its ground floor has no windows between the given shares of its width.
-fn storeys(mesh: &mut Mesh, side: &Facade, style: &Style, eaves: f32, windowless: Option<[f32; 2]>) {
+/// Draws one facade up to the eaves, which may hang over it; its ground floor has no windows between the given
+/// shares of its width.
+fn storeys(
+    mesh: &mut Mesh,
+    side: &Facade,
+    style: &Style,
+    (eaves, is_overhung): (f32, bool),
+    windowless: Option<[f32; 2]>,
+) {
     let storeys = storeys_up_to(eaves);
     let first = eaves / storeys;
     let uv = |finish: Finish, [a, b]: [f32; 2], from: f32, to: f32| {
@@ -164,7 +173,7 @@ fn storeys(mesh: &mut Mesh, side: &Facade, style: &Style, eaves: f32, windowless
         [Vec2::new(a, from) * across, Vec2::new(b, to) * across]
     };
     // Overhanging eaves keep light from the wall under them.
-    let under = if style.gabled { 165 } else { 250 };
+    let under = if is_overhung { 165 } else { 250 };
     let above_ground = if storeys > 1.0 { 240 } else { under };
     let [from, to] = windowless.unwrap_or([1.0; 2]);
     for (parts, finish) in

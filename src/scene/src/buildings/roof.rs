@@ -69,6 +69,17 @@ fn sharp_band(mesh: &mut Mesh, ring: &[Vec2], [from, to]: [Vec2; 2], finish: Fin
     }
 }
 
+/// The side of a rectangle from which its ridge runs on: the longer.
+fn side_along(ring: &[Vec2]) -> usize {
+    usize::from(ring[0].distance(ring[1]) < ring[1].distance(ring[2]))
+}
+
+/// Which sides of a building the eaves of its roof hang over; the others end in gables.
+pub(super) fn eaves_over(ring: &[Vec2], is_gabled: bool) -> impl Fn(usize) -> bool {
+    let along = is_gabled.then(|| side_along(ring));
+    move |side| along.is_some_and(|along| side % 2 == along)
+}
+
 /// A gabled roof with overhanging eaves along the longer axis of a rectangle, gables and a chimney.
 pub(super) fn gable_roof(
     mesh: &mut Mesh,
@@ -80,7 +91,7 @@ pub(super) fn gable_roof(
 ) {
     const OVERHANG_M: f32 = 0.4;
     // a to b is the longer side.
-    let turn = usize::from(ring[0].distance(ring[1]) < ring[1].distance(ring[2]));
+    let turn = side_along(ring);
     let [a, b, c, d] = [0, 1, 2, 3].map(|k| ring[(k + turn) % 4]);
     let (ridge_a, ridge_b) = ((a + d) / 2.0, (b + c) / 2.0);
     let along = (b - a).normalize_or(Vec2::X) * OVERHANG_M;
@@ -113,11 +124,14 @@ pub(super) fn gable_roof(
     let plain = if style.upper.surface == Surface::Sash {
         BARE_BRICK
     } else {
-        wall(Surface::Concrete, style.upper.colour)
+        // As bright as the wall below on the mean of both textures.
+        wall(Surface::Concrete, style.upper.colour).shaded(0.92 / 0.90)
     };
     for [left, right, top] in [[d, a, ridge_a], [b, c, ridge_b]] {
         let corners = [left.extend(eaves), right.extend(eaves), top.extend(eaves + rise)];
+        let first = mesh.vertices.len();
         mesh.plate(&corners, plain, 2.0);
+        mesh.set_openness(first, 250);
     }
     let at = ridge_a.lerp(ridge_b, 0.22 + 0.5 * place.hash_to_unit(12)) + out * (0.25 * half);
     let chimney = wall(Surface::Brick, [150, 96, 80]);

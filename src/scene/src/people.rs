@@ -1,0 +1,282 @@
+//! People on pavements and benches: a few figures of low-poly limbs, instanced. They are scenery: nothing collides with
+//! them, and they stay in their pose.
+
+use super::foliage::limb;
+use super::ground_sheet::KERB_M;
+use super::grounds::{covers, distance_to};
+use super::mesh::{Class, Finish, Mesh, Surface};
+use super::polygon::mitre;
+use super::roads::{RoadField, SHOULDER_M};
+use super::{InstancedObject, SceneObject, hash_to_unit};
+use city3d_roadmap::{CityMap, Footprint, SceneryKind};
+use glam::{Affine3A, DVec2, Quat, Vec2, Vec3};
+
+/// Mean spacing along a kerb, and the range of distances from its face.
+const SPACING_M: f64 = 5.5;
+const OFF_KERB_M: [f64; 2] = [0.75, 1.65];
+/// Clearance from what stands on the pavement.
+const CLEAR_M: f64 = 0.55;
+/// Seat of a bench, and where on it people sit, along it.
+const SEAT_M: f32 = 0.58;
+const SEATS_M: [f32; 2] = [-0.42, 0.40];
+/// Errors of the coarser levels.
+const COARSER: [(u32, f32); 2] = [(4, 0.03), (3, 0.06)];
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Pose {
+    Stand,
+    Walk,
+    Sit,
+}
+
+/// Colours of a figure.
+struct Outfit {
+    coat: [u8; 3],
+    trousers: [u8; 3],
+    hair: [u8; 3],
+    skin: [u8; 3],
+}
+
+/// The figures: each one is a model of its own.
+const FIGURES: [(Pose, Outfit); 9] = [
+    (Pose::Stand, outfit([62, 84, 120], [44, 46, 54], [54, 40, 30], [214, 172, 142])),
+    (Pose::Stand, outfit([168, 62, 54], [70, 72, 80], [30, 26, 24], [150, 108, 82])),
+    (Pose::Stand, outfit([196, 184, 156], [92, 74, 58], [150, 146, 140], [226, 186, 158])),
+    (Pose::Walk, outfit([52, 96, 78], [52, 54, 60], [96, 66, 40], [222, 180, 150])),
+    (Pose::Walk, outfit([206, 170, 72], [58, 70, 98], [44, 34, 28], [188, 140, 108])),
+    (Pose::Walk, outfit([88, 90, 96], [36, 38, 44], [60, 44, 34], [120, 84, 62])),
+    (Pose::Walk, outfit([214, 214, 210], [84, 100, 130], [170, 128, 78], [228, 190, 164])),
+    (Pose::Sit, outfit([120, 78, 112], [66, 66, 74], [70, 50, 36], [218, 176, 146])),
+    (Pose::Sit, outfit([74, 104, 132], [110, 98, 80], [138, 134, 130], [206, 164, 134])),
+];
+
+const fn outfit(coat: [u8; 3], trousers: [u8; 3], hair: [u8; 3], skin: [u8; 3]) -> Outfit {
+    Outfit { coat, trousers, hair, skin }
+}
+
+const fn cloth(colour: [u8; 3]) -> Finish {
+    Finish::new(Surface::Plain, colour, Class::Person)
+}
+
+/// A figure of 1.75 m that looks along x, its feet at the origin, or its seat if it sits; `sides` are those of its
+/// trunk.
+fn figure(mesh: &mut Mesh, pose: Pose, outfit: &Outfit, sides: u32) {
+    let (coat, trousers) = (cloth(outfit.coat), cloth(outfit.trousers));
+    let (skin, hair) = (cloth(outfit.skin), cloth(outfit.hair));
+    let shoes = trousers.shaded(0.45);
+    let few = sides.saturating_sub(1).max(3);
+    let hip = if pose == Pose::Sit { 0.06 } else { 0.86 };
+    let at = |x: f32, y: f32, z: f32| Vec3::new(x, y, z);
+    for side in [1.0, -1.0] {
+        let y = 0.095 * side;
+        // Knee, ankle and tip of the foot.
+        let [knee, ankle, tip] = match pose {
+            Pose::Stand => [at(0.03, y, 0.46), at(-0.01, y, 0.09), at(0.17, y + 0.03 * side, 0.03)],
+            Pose::Walk if side > 0.0 => [at(0.22, y, 0.50), at(0.33, y, 0.12), at(0.50, y, 0.09)],
+            Pose::Walk => [at(-0.06, y, 0.45), at(-0.36, y, 0.20), at(-0.26, y, 0.03)],
+            Pose::Sit => [at(0.42, y, 0.04), at(0.40, y, -0.37), at(0.58, y, -0.42)],
+        };
+        limb(mesh, &[(at(0.0, y, hip), 0.105), (knee, 0.07), (ankle, 0.05)], few, trousers);
+        limb(
+            mesh,
+            &[(ankle - at(0.05, 0.0, 0.0), 0.055), (tip, 0.035), (tip + at(0.02, 0.0, 0.0), 0.0)],
+            3,
+            shoes,
+        );
+        let swing = match pose {
+            Pose::Walk => -0.24 * side,
+            Pose::Stand => 0.05,
+            Pose::Sit => 0.26,
+        };
+        let shoulder = at(0.0, 0.20 * side, hip + 0.55);
+        let elbow = at(0.4 * swing - 0.02, 0.27 * side, hip + 0.27);
+        let hand = at(swing + 0.06, 0.24 * side, hip + if pose == Pose::Sit { 0.10 } else { 0.03 });
+        limb(mesh, &[(shoulder, 0.068), (elbow, 0.052), (hand, 0.042)], 3, coat.shaded(0.92));
+        limb(mesh, &[(hand, 0.042), (hand + at(0.02, 0.0, -0.09), 0.012)], 3, skin);
+    }
+    let lean = if pose == Pose::Walk { 0.04 } else { 0.0 };
+    let trunk = [
+        (at(0.0, 0.0, hip - 0.10), 0.13),
+        (at(0.0, 0.0, hip + 0.05), 0.165),
+        (at(lean * 0.6, 0.0, hip + 0.40), 0.185),
+        (at(lean, 0.0, hip + 0.56), 0.15),
+        (at(lean, 0.0, hip + 0.62), 0.055),
+    ];
+    limb(mesh, &trunk, sides, coat);
+    let neck = hip + 0.60;
+    let head = [
+        (at(lean, 0.0, neck), 0.05),
+        (at(lean + 0.02, 0.0, neck + 0.08), 0.075),
+        (at(lean + 0.02, 0.0, neck + 0.18), 0.095),
+        (at(lean, 0.0, neck + 0.26), 0.06),
+    ];
+    limb(mesh, &head, sides, skin);
+    let crown = [
+        (at(lean - 0.03, 0.0, neck + 0.12), 0.095),
+        (at(lean - 0.01, 0.0, neck + 0.20), 0.104),
+        (at(lean, 0.0, neck + 0.27), 0.07),
+        (at(lean, 0.0, neck + 0.29), 0.0),
+    ];
+    limb(mesh, &crown, sides, hair);
+}
+
+fn object((pose, outfit): &(Pose, Outfit)) -> SceneObject {
+    let drawn = |sides: u32| {
+        let mut mesh = Mesh::default();
+        figure(&mut mesh, *pose, outfit, sides);
+        mesh
+    };
+    let mut object = SceneObject::of_one_level(drawn(7));
+    for (sides, error_m) in COARSER {
+        object.add_level(drawn(sides), error_m);
+    }
+    object
+}
+
+/// Where figures may not stand besides the scenery: boxes of signs and signals.
+pub(super) struct Posts(Vec<[Vec2; 2]>);
+
+impl Posts {
+    /// Of the objects that are no wider than a post with its sign.
+    pub(super) fn of(objects: &[SceneObject]) -> Self {
+        const MOST_M: f32 = 1.6;
+        let boxes = objects.iter().filter_map(|object| Some(object.levels.first()?.mesh.bounds()));
+        let flat = boxes.map(|corners| corners.map(Vec3::truncate));
+        Self(flat.filter(|[low, high]| (*high - *low).max_element() < MOST_M).collect())
+    }
+
+    fn are_clear_of(&self, at: Vec2) -> bool {
+        let clear = CLEAR_M as f32;
+        !self.0.iter().any(|[low, high]| at.cmpgt(*low - clear).all() && at.cmplt(*high + clear).all())
+    }
+}
+
+/// People along the kerbs, whose rings have the road to their left, and on benches.
+pub(super) fn people(
+    map: &CityMap,
+    field: &RoadField,
+    kerbs: &[Vec<DVec2>],
+    posts: &Posts,
+) -> Vec<InstancedObject> {
+    let mut places: Vec<Vec<Affine3A>> = FIGURES.iter().map(|_| Vec::new()).collect();
+    let mut add = |seed: u32, is_wanted: &dyn Fn(Pose) -> bool, at: Vec3, yaw_rad: f32| {
+        let fit: Vec<usize> = (0..FIGURES.len()).filter(|&k| is_wanted(FIGURES[k].0)).collect();
+        let chosen = fit[(hash_to_unit(seed, 1) * fit.len() as f32) as usize % fit.len()];
+        let scale = 0.93 + 0.12 * hash_to_unit(seed, 2);
+        let (size, turn) = (Vec3::splat(scale), Quat::from_rotation_z(yaw_rad));
+        places[chosen].push(Affine3A::from_scale_rotation_translation(size, turn, at));
+    };
+    for (ring, seed) in kerbs.iter().zip(0..) {
+        for (seed, at, along) in along_kerb(ring, seed) {
+            if !has_room(map, field, posts, at) {
+                continue;
+            }
+            let is_walking = hash_to_unit(seed, 3) < 0.6;
+            let turned =
+                std::f32::consts::PI * hash_to_unit(seed, 4).round() + 0.3 * (hash_to_unit(seed, 5) - 0.5);
+            let any = std::f32::consts::TAU * hash_to_unit(seed, 5);
+            let yaw_rad = if is_walking { along.as_vec2().to_angle() + turned } else { any };
+            let pose = if is_walking { Pose::Walk } else { Pose::Stand };
+            add(seed, &|wanted| wanted == pose, at.as_vec2().extend(KERB_M - 0.01), yaw_rad);
+        }
+    }
+    for (piece, index) in
+        map.scenery.iter().zip(0_u32..).filter(|(piece, _)| piece.kind == SceneryKind::Bench)
+    {
+        let (middle, front) = super::props::bench_place(piece);
+        for (seat, part) in SEATS_M.into_iter().zip(0..) {
+            let seed = index.wrapping_mul(2).wrapping_add(0x5eed_0000 + part);
+            if hash_to_unit(seed, 6) < 0.35 {
+                let at = middle + front.perp() * seat + front * 0.02;
+                add(seed, &|wanted| wanted == Pose::Sit, at.extend(SEAT_M), front.to_angle());
+            }
+        }
+    }
+    let figures = FIGURES.iter().zip(places).filter(|(_, instances)| !instances.is_empty());
+    figures.map(|(of, instances)| InstancedObject { object: object(of), instances }).collect()
+}
+
+/// Places behind a kerb with their seeds and the direction of the kerb.
+fn along_kerb(ring: &[DVec2], number: u32) -> impl Iterator<Item = (u32, DVec2, DVec2)> {
+    let mut next = SPACING_M * f64::from(hash_to_unit(number, 11));
+    let (mut start, mut count) = (0.0, 0);
+    (0..ring.len()).flat_map(move |k| {
+        let (from, to) = (ring[k], ring[(k + 1) % ring.len()]);
+        let length = from.distance(to);
+        let along = (to - from).try_normalize().unwrap_or(DVec2::X);
+        let mut found = Vec::new();
+        while next < start + length {
+            let seed = number.wrapping_mul(4099).wrapping_add(count);
+            let [near, far] = OFF_KERB_M;
+            let out = near + (far - near) * f64::from(hash_to_unit(seed, 12));
+            let outward = if next - start < 0.5 { mitre(ring, k) } else { -along.perp() };
+            found.push((seed, from + along * (next - start) + outward * out, along));
+            next += SPACING_M * (0.4 + 1.2 * f64::from(hash_to_unit(seed, 13)));
+            count += 1;
+        }
+        start += length;
+        found
+    })
+}
+
+/// Whether nobody would stand on the road, in a wall, or in what else is there.
+fn has_room(map: &CityMap, field: &RoadField, posts: &Posts, at: DVec2) -> bool {
+    let off_road = f64::from(field.distance.at(at)) > f64::from(SHOULDER_M) + CLEAR_M;
+    let is_clear = map.scenery.iter().all(|piece| match (piece.kind, &piece.shape) {
+        (SceneryKind::Grass | SceneryKind::Paving, _) => true,
+        (SceneryKind::Tree, Footprint::Circle { centre, .. }) => centre.distance(at) > CLEAR_M,
+        (_, shape) => distance_to(shape, at) > CLEAR_M && !covers(shape, at),
+    });
+    off_road && is_clear && posts.are_clear_of(at.as_vec2())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::SceneDescription;
+    use super::super::tests::city;
+    use super::*;
+
+    #[test]
+    fn people_stand_on_pavements_clear_of_lanes_and_walls_and_sit_on_benches() {
+        let map = city();
+        let scene = SceneDescription::from_map(&map);
+        let is_person = |object: &&InstancedObject| {
+            object.object.levels[0].mesh.vertices[0].finish.class == Class::Person
+        };
+        let (mut standing, mut sitting) = (0, 0);
+        for at in scene.instanced.iter().filter(is_person).flat_map(|object| &object.instances) {
+            let foot = DVec2::new(f64::from(at.translation.x), f64::from(at.translation.y));
+            let nearest = |kind: SceneryKind| {
+                let of_kind = map.scenery.iter().filter(|piece| piece.kind == kind);
+                of_kind.map(|piece| distance_to(&piece.shape, foot)).fold(f64::INFINITY, f64::min)
+            };
+            if at.translation.z > KERB_M {
+                sitting += 1;
+                assert!(nearest(SceneryKind::Bench) < 0.1, "nobody sits at {foot} but on air");
+                continue;
+            }
+            standing += 1;
+            assert!(
+                nearest(SceneryKind::Building).min(nearest(SceneryKind::Wall)) > 0.5,
+                "in a wall: {foot}"
+            );
+            for lane in &map.lanes {
+                let far = lane.curve.at(lane.curve.project(foot).s).pose.position.distance(foot);
+                assert!(far > lane.width_m / 2.0 + 0.4, "{foot} is {far} m from the middle of {}", lane.name);
+            }
+        }
+        assert!(standing > 150 && sitting > 5, "{standing} stand or walk, {sitting} sit");
+    }
+
+    #[test]
+    fn figures_are_as_tall_as_people_and_coarser_from_afar() {
+        for of in &FIGURES {
+            let object = object(of);
+            let [low, high] = object.levels[0].mesh.bounds();
+            let tall_m = if of.0 == Pose::Sit { 1.4 } else { 1.75 };
+            assert!((high.z - low.z - tall_m).abs() < 0.12, "{:?}: {} m", of.0, high.z - low.z);
+            let counts: Vec<usize> = object.levels.iter().map(|level| level.mesh.triangle_count()).collect();
+            assert!(counts.windows(2).all(|pair| pair[1] < pair[0]) && counts[0] < 320, "{counts:?}");
+        }
+    }
+}
