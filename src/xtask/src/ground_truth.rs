@@ -8,7 +8,7 @@ use city3d_roadmap::{CityMap, Footprint, Grid, GridSize, SceneryKind, load_map};
 use city3d_scene::{Class, SceneDescription};
 use city3d_sensors::{Extrinsics, Lens, PictureKind, PictureKinds, Projection, View};
 use city3d_simulation::runner::Run;
-use city3d_simulation::scenario::{Overrides, ScenarioRequest, is_map, map_alone};
+use city3d_simulation::scenario::{ScenarioRequest, is_map, map_alone};
 use clap::Args;
 use glam::{DVec2, DVec3};
 use rand_chacha::ChaCha8Rng;
@@ -141,7 +141,7 @@ impl City {
             let scene = SceneDescription::from_map(&map);
             return Ok(Self { map, scene, snapshot: FrameSnapshot::default() });
         }
-        let request = ScenarioRequest { scenario: name.to_owned(), overrides: Overrides::default() };
+        let request = ScenarioRequest { scenario: name.to_owned(), ..ScenarioRequest::default() };
         let experiment = if is_map(&request) { map_alone(&request)? } else { request.read()? };
         let scene = SceneDescription::with_models(&experiment.city_map, &experiment.models.placed);
         let map = (*experiment.city_map).clone();
