@@ -6,6 +6,7 @@ mod kept;
 mod seat;
 #[cfg(test)]
 mod tests;
+mod title;
 
 use super::compared_curves::ComparedCurves;
 use super::editor::ScenarioEditor;
@@ -27,7 +28,7 @@ use city3d_session::playback::{LogInfo, PastPlayer, PlaybackCommand, Player};
 use city3d_session::{
     EventReader, Order, RunHistory, RunPhase, RunState, SessionError, SessionHandle, SessionStopper, Speed,
 };
-use city3d_simulation::scenario::{Experiment, Library, Overrides, ScenarioRequest, shipped_scenarios};
+use city3d_simulation::scenario::{Experiment, Library, ScenarioRequest, shipped_scenarios};
 use city3d_simulation::sim::World;
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -229,15 +230,6 @@ impl ViewerState {
             editor: None,
             edits: false,
         }
-    }
-
-    /// Title of the window: the scenario with what replaces values of it, or the log, and the program.
-    pub fn title(&self) -> String {
-        let path = std::path::Path::new(&self.request.scenario);
-        let name = path.file_name().unwrap_or(path.as_os_str());
-        let set = replaced(&self.request.overrides);
-        let set = if set.is_empty() { set } else { format!(" ({set})") };
-        format!("{}{set} - City3D", name.display())
     }
 
     /// The present scenario; in a replay, the recorded one.
@@ -577,15 +569,6 @@ fn before_start(run_state: Arc<RunState>) -> Arc<RunState> {
     };
     let (before, now) = (waiting(&run_state.before), waiting(&run_state.now));
     Arc::new(RunState { before, now, ..RunState::clone(&run_state) })
-}
-
-/// What replaces values of a scenario, in words.
-fn replaced(overrides: &Overrides) -> String {
-    let environment = overrides.environment.map(|profile| profile.name().to_owned());
-    let seed = overrides.seed.map(|seed| format!("seed {seed}"));
-    let duration = overrides.duration_s.map(|seconds| format!("{seconds} s"));
-    let words: Vec<String> = [environment, seed, duration].into_iter().flatten().collect();
-    words.join(", ")
 }
 
 /// A clause as a sentence.
