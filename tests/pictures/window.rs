@@ -150,6 +150,11 @@ impl<'a> Program<'a> {
         number(&name).unwrap_or_else(|| panic!("a screenshot is called {name}"))
     }
 
+    /// Names what is shown.
+    pub fn title(&self) -> String {
+        self.display.xdotool(&["getwindowname", &self.window])
+    }
+
     pub fn screenshot(&self) -> image::RgbImage {
         self.render_offscreen().1
     }

@@ -146,6 +146,8 @@ fn use_bench(pixels_per_point: u32) {
     bench.program.screenshot();
     bench.key("ctrl+o");
     bench.choose_file(&file);
+    // Until then the scenario before it is shown, and keys are for that.
+    until("the opened scenario", || bench.program.title().starts_with("bench"));
     bench.program.screenshot();
     // The run before the change, to compare with.
     bench.key("space");

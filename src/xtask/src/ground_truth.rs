@@ -1,6 +1,8 @@
 //! Ground truth from random places of a city: whether a ray that points down hits something, and whether all quality
 //! presets show the same classes and vehicles.
 
+#![allow(clippy::disallowed_methods, reason = "only draws; no state of a run depends on it")]
+
 use city3d_geometry::{LengthScale, point_in_polygon};
 use city3d_protocol::snapshot::FrameSnapshot;
 use city3d_render::{AdapterPreference, Context, Pictures, Quality, RenderRequest, Renderer, Settings};

@@ -441,7 +441,7 @@ mod tests {
             let gap_m = leader.following.gap_m;
             let (_, charted_m) = *gaps(trace, traces, experiment).last().unwrap();
             // Who is about to merge is on the way of others by its pose before it is on their lanes.
-            if gap_m > 0.9 * FOLLOWED_M || charted_m.is_nan() && !is_on_route(leader.vehicle, traces, route) {
+            if gap_m > 0.9 * FOLLOWED_M || !is_on_route(leader.vehicle, traces, route) {
                 continue;
             }
             let time_s = snapshot.time_s;

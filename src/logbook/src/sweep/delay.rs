@@ -32,7 +32,7 @@ const QUANTITIES: [&str; 14] = [
     "collisions",
 ];
 
-/// Axes whose keys hold one of these words vary the demand.
+/// Axes with one of these words in the last part of their keys vary the demand.
 const DEMAND_WORDS: [&str; 4] = ["rate", "per_h", "flow", "demand"];
 
 /// What the delay is drawn against.
@@ -179,7 +179,7 @@ fn has_numbers(axis: &Axis) -> bool {
 }
 
 fn varies_demand(axis: &Axis) -> bool {
-    axis.values.len() > 1 && DEMAND_WORDS.iter().any(|word| axis.key.contains(word))
+    axis.values.len() > 1 && DEMAND_WORDS.iter().any(|word| last_part(&axis.key).contains(word))
 }
 
 #[cfg(test)]
