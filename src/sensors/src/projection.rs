@@ -202,13 +202,12 @@ mod tests {
 
     #[test]
     fn depth_is_one_near_and_zero_far() {
-        for projection in [
-            Lens::default().projection(),
-            Projection::Orthographic { height_m: 10.0, near_m: 0.1, far_m: 1500.0 },
-        ] {
+        let lens = Lens::default();
+        let plan = Projection::Orthographic { height_m: 10.0, near_m: 0.1, far_m: 1500.0 };
+        for (projection, far_m) in [(lens.projection(), lens.far_m), (plan, 1500.0)] {
             let clip = projection.clip_from_camera([64, 48]);
             let near = clip * DVec4::new(0.0, 0.0, 0.1, 1.0);
-            let far = clip * DVec4::new(0.0, 0.0, 1500.0, 1.0);
+            let far = clip * DVec4::new(0.0, 0.0, far_m, 1.0);
             assert!((near.z / near.w - 1.0).abs() < 1e-9 && (far.z / far.w).abs() < 1e-9);
         }
     }

@@ -20,14 +20,17 @@ const AHEAD_M: f64 = 60.0;
 /// Shows the measures, in full-scale units as all lengths of the window are.
 pub(super) fn show(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>) {
     egui::ScrollArea::both().auto_shrink(false).show(ui, |ui| {
-        if !is_known(ui, shown) {
-            return;
+        let is_known = is_known(ui, shown);
+        if is_known {
+            flow(ui, shown.traffic);
         }
-        flow(ui, shown.traffic);
         ui.separator();
         if plans::has_zones(shown) {
             plans::queue(ui, shown);
             ui.separator();
+        }
+        if !is_known {
+            return;
         }
         safety_and_energy(ui, shown.traffic);
         ui.separator();

@@ -60,7 +60,7 @@ fn a_list_opens_below_the_table_and_covers_nothing() {
     let (table, list) = (harness.get_by_label("Status").rect(), title(&harness, "Events"));
     assert!(list.top() > table.bottom() && list.right() < 454.0, "{list:?} below {table:?}");
     // Both are tabs of one place; the last one is in front.
-    harness.get_by_label("Measured since 2.5 s.");
+    harness.get_by_label("Nothing has been measured yet: start the run.");
     assert!(harness.query_by_label("Nothing has happened yet.").is_none());
     title(&harness, "Events");
     click(&mut harness, "Events");

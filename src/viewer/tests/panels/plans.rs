@@ -231,7 +231,9 @@ fn of_a_log_the_same_is_shown_as_in_its_run() {
     let (last, ..) = *planned(&desk).last().unwrap();
     let live = shown_words(coordinated(), last);
     assert_eq!(state.now.time_s, desk.run_state.now.time_s);
-    desk.run_state = RunState::clone(&state);
+    // How the traffic of a log is measured is tested where it is read.
+    let traffic = desk.run_state.traffic.clone();
+    desk.run_state = RunState { traffic, ..RunState::clone(&state) };
     desk.control_zones = control_zones;
     assert_eq!(shown_words(desk, last), live);
 }
