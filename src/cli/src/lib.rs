@@ -95,7 +95,7 @@ enum Command {
     Run(run::RunArgs),
     /// Draw the figures of recorded runs: SVG, PNG, and their data as CSV
     Plot(plot::PlotArgs),
-    /// Compare two runs of one scenario: figures with both, and a table of what happened
+    /// Compare two runs on the same map: figures with both, and a table of what happened
     Compare(compare::CompareArgs),
     /// Watch a recorded run in the window, or simulate it again from its log and compare it
     Replay(Box<replay::ReplayArgs>),

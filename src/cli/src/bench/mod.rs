@@ -23,7 +23,7 @@ pub enum BenchCommand {
     Log(log::LogBenchArgs),
     /// Measure the frames per second of the window during a run in real time; needs no display
     #[cfg(feature = "window")]
-    Window(super::view::BenchArgs),
+    Window(Box<super::view::BenchArgs>),
 }
 
 pub fn bench(command: &BenchCommand) -> Result<(), Failure> {

@@ -17,7 +17,7 @@ use egui_kittest::Harness;
 use egui_kittest::kittest::Queryable;
 use std::path::Path;
 use std::sync::Arc;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 fn experiment() -> Arc<Experiment> {
     let (text, library) = Library::scenario("roundabout-coordinated").unwrap();
@@ -208,10 +208,11 @@ fn record(folder: &Path) {
 }
 
 /// The state of a log after eight seconds.
+#[allow(clippy::disallowed_types, reason = "a thread reads the log")]
 fn replayed(folder: &Path) -> (Arc<RunState>, Vec<ControlZoneArea>) {
     let mut player = Player::open(&folder.join("run.mcap"), Box::new(|| {})).unwrap();
     player.command(PlaybackCommand::Seek(8.0));
-    let start = Instant::now();
+    let start = std::time::Instant::now();
     loop {
         let (state, _) = player.advance(start);
         if player.is_settled() {
