@@ -131,25 +131,33 @@ fn is_simulated_again(log: &Path) {
     assert!(report.ticks_agreeing > 1000 && report.first_difference.is_none(), "{report:?}");
 }
 
-/// Records a run in one process; gives why each vehicle did what it did, by tick.
-fn record(experiment: &Arc<Experiment>, folder: &Path) -> BTreeMap<u64, BTreeMap<VehicleId, Why>> {
+/// Records a run in one process; `look` sees it after each tick.
+pub fn record_run(experiment: &Arc<Experiment>, folder: &Path, mut look: impl FnMut(&Run)) {
     let mut run = Run::new(Arc::clone(experiment)).unwrap();
     let folders = RunFolders::parts(Some(folder.to_path_buf()));
     let mut files = RunFiles::new(folders, LogOrigin::Run, FileOptions::default());
     files.begin(experiment).unwrap();
     files.record_or_fail(&Moment::first(experiment, run.snapshot())).unwrap();
-    let mut told = BTreeMap::new();
     for tick in 0..experiment.ticks() {
         let from = (tick, run.snapshot().time_s);
         run.step();
         let inputs = Inputs::Commands(run.commands());
         let moment = Moment::tick(experiment, run.snapshot(), inputs, Some(run.mainframe()), from);
         files.record_or_fail(&moment).unwrap();
-        let why = decisions_of(run.mainframe(), experiment);
-        told.insert(tick + 1, why.iter().map(|told| (told.vehicle, (told.reason, told.other))).collect());
+        look(&run);
     }
     let last = Moment::first(experiment, run.snapshot());
     files.conclude(&last, false).unwrap();
+}
+
+/// Records a run in one process; gives why each vehicle did what it did, by tick.
+fn record(experiment: &Arc<Experiment>, folder: &Path) -> BTreeMap<u64, BTreeMap<VehicleId, Why>> {
+    let mut told = BTreeMap::new();
+    record_run(experiment, folder, |run| {
+        let why = decisions_of(run.mainframe(), experiment);
+        let why = why.iter().map(|told| (told.vehicle, (told.reason, told.other))).collect();
+        told.insert(run.snapshot().tick, why);
+    });
     told
 }
 

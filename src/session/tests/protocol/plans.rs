@@ -1,9 +1,9 @@
 //! Plans of coordinated vehicles: as the control framework tells them, in the city that it controls, to whoever watches, in
 //! logs, and in the past of a run.
 
-use crate::decisions::{client, seek};
+use crate::decisions::{client, record_run, seek};
 use crate::lab::{Director, Lab, Program, network, scenario, serving};
-use city3d_logbook::record::{LogEntry, LogOrigin, LogReader};
+use city3d_logbook::record::{LogEntry, LogReader};
 use city3d_network::simulated::SimulatedOptions;
 use city3d_protocol::snapshot::{
     CoordinationState, CoordinationUpdate, NoPlan, PlannedPassage, VehicleId, ZoneCounts, ZoneState,
@@ -12,10 +12,7 @@ use city3d_protocol::snapshot::{
 use city3d_protocol::wire::{Body, DropReason, Plans};
 use city3d_session::playback::{PastPlayer, PlaybackCommand, Player};
 use city3d_session::served::ServeOptions;
-use city3d_session::{
-    FileOptions, Inputs, Moment, Order, RunFiles, RunFolders, RunHistory, RunState, coordination,
-};
-use city3d_simulation::runner::Run;
+use city3d_session::{Order, RunHistory, RunState, coordination};
 use city3d_simulation::scenario::Experiment;
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -172,23 +169,11 @@ type ToldPlans = BTreeMap<u64, CoordinationState>;
 
 /// Records a run in one process.
 fn record(experiment: &Arc<Experiment>, folder: &Path) -> ToldPlans {
-    let mut run = Run::new(Arc::clone(experiment)).unwrap();
-    let folders = RunFolders::parts(Some(folder.to_path_buf()));
-    let mut files = RunFiles::new(folders, LogOrigin::Run, FileOptions::default());
-    files.begin(experiment).unwrap();
-    files.record_or_fail(&Moment::first(experiment, run.snapshot())).unwrap();
     let mut told = ToldPlans::new();
-    for tick in 0..experiment.ticks() {
-        let from = (tick, run.snapshot().time_s);
-        run.step();
-        let inputs = Inputs::Commands(run.commands());
-        let moment = Moment::tick(experiment, run.snapshot(), inputs, Some(run.mainframe()), from);
-        files.record_or_fail(&moment).unwrap();
-        told.extend(
-            coordination(run.mainframe(), experiment, run.snapshot().time_s).map(|now| (tick + 1, now)),
-        );
-    }
-    files.conclude(&Moment::first(experiment, run.snapshot()), false).unwrap();
+    record_run(experiment, folder, |run| {
+        let (tick, time_s) = (run.snapshot().tick, run.snapshot().time_s);
+        told.extend(coordination(run.mainframe(), experiment, time_s).map(|now| (tick, now)));
+    });
     told
 }
 

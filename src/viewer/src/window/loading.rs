@@ -141,11 +141,23 @@ fn have_same_scene(a: &Experiment, b: &Experiment) -> bool {
     a.map_bytes == b.map_bytes && a.scale == b.scale && !has_models(a) && !has_models(b)
 }
 
+/// The software adapter for a test; without one the test is skipped, and fails in CI.
+#[cfg(test)]
+pub(super) fn software_context() -> Option<Context> {
+    match Context::headless(&city3d_render::AdapterPreference::parse("software")) {
+        Ok(context) => Some(context),
+        Err(error) => {
+            assert!(std::env::var_os("CI").is_none(), "{error}");
+            eprintln!("SKIPPED: {error}");
+            None
+        }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::ui::QualityPreset;
-    use city3d_render::AdapterPreference;
     use std::time::{Duration, Instant};
 
     fn finish(request: LoadRequest, context: &Context) -> (Duration, Result<LoadedView, WindowError>) {
@@ -163,14 +175,7 @@ mod tests {
 
     #[test]
     fn another_scenario_is_loaded_while_nobody_waits_and_a_wrong_one_is_told() {
-        let context = match Context::headless(&AdapterPreference::parse("software")) {
-            Ok(context) => context,
-            Err(error) => {
-                assert!(std::env::var_os("CI").is_none(), "{error}");
-                eprintln!("SKIPPED: {error}");
-                return;
-            }
-        };
+        let Some(context) = software_context() else { return };
         let look = Look { preset: QualityPreset::Low, hours: 3.0 };
         let args = |name: &str| ScenarioRequest { scenario: name.to_owned(), ..ScenarioRequest::default() };
         let shown = ShownCity { experiment: read(&args("merge")).unwrap(), look };

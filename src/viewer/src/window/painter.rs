@@ -280,10 +280,9 @@ pub fn renderer(context: &Context, experiment: &Experiment, look: Look) -> Resul
 
 #[cfg(test)]
 mod tests {
-    use super::super::loading;
+    use super::super::loading::{self, software_context};
     use super::*;
     use crate::ui::Viewpoint;
-    use city3d_render::AdapterPreference;
     use city3d_sensors::PictureKind;
     use city3d_simulation::runner::Run;
     use city3d_simulation::scenario::ScenarioRequest;
@@ -301,14 +300,7 @@ mod tests {
 
     #[test]
     fn the_city_alone_is_the_picture_of_the_large_view_in_the_size_of_the_video() {
-        let context = match Context::headless(&AdapterPreference::parse("software")) {
-            Ok(context) => context,
-            Err(error) => {
-                assert!(std::env::var_os("CI").is_none(), "{error}");
-                eprintln!("SKIPPED: {error}");
-                return;
-            }
-        };
+        let Some(context) = software_context() else { return };
         let request = ScenarioRequest { scenario: "straight".to_owned(), ..ScenarioRequest::default() };
         let experiment = loading::read(&request).unwrap();
         let look = Look { preset: QualityPreset::Low, hours: 12.0 };

@@ -1,8 +1,6 @@
 //! The vehicles of inflows as data: who arrives when, on which way.
 
-use super::{
-    ConflictKind, RouteBody, RouteLane, RoutePassage, RoutePoint, RouteStart, VehicleData, conflicts_of,
-};
+use super::{ConflictKind, RouteStart, VehicleData, Way, conflicts_of_all};
 use crate::scenario::{Experiment, PlannedVehicle};
 use city3d_control::{DriverParams, Role, Route};
 use city3d_roadmap::LaneId;
@@ -27,21 +25,6 @@ pub struct ArrivalData {
     pub start: RouteStart,
     /// Index of its way in [`RouteData::ways`](super::RouteData::ways).
     pub way: usize,
-}
-
-/// A route as vehicles of one build with one driver take it.
-#[derive(Clone, Debug, Serialize)]
-pub struct Way {
-    /// Dimensions.
-    pub body: RouteBody,
-    /// Desired speed, bounds on acceleration, gaps.
-    pub driver: DriverParams,
-    /// Lanes in driving order.
-    pub lanes: Vec<RouteLane>,
-    /// Ways through control zones, in driving order.
-    pub passages: Vec<RoutePassage>,
-    /// The route, at most 2 cm apart, both ends among them.
-    pub points: Vec<RoutePoint>,
 }
 
 /// How vehicles on two ways meet.
@@ -82,15 +65,15 @@ impl Arrivals {
         let (mut found, mut known) = (Self::default(), Vec::<KnownWay>::new());
         for arrival in experiment.arrivals.iter() {
             let vehicle = &arrival.vehicle;
+            let data = VehicleData { experiment, vehicle };
             let body = vehicle.body_in_lab(experiment.scale);
             let way = known.iter().position(|way| way.is_of(vehicle, &body)).unwrap_or_else(|| {
                 let route = Route::new(&experiment.lab_map, &vehicle.route, body, &vehicle.driver);
-                found.ways.push(way(experiment, vehicle, &route));
+                found.ways.push(data.way(&route));
                 let (lanes, driver) = (vehicle.route.clone(), vehicle.driver);
                 known.push(KnownWay { route, lanes, body, driver });
                 known.len() - 1
             });
-            let data = VehicleData { experiment, vehicle };
             let types = experiment.vehicle_types.iter();
             found.arrivals.push(ArrivalData {
                 due_s: arrival.time_s,
@@ -106,28 +89,9 @@ impl Arrivals {
                 way,
             });
         }
-        for (index, one) in known.iter().enumerate() {
-            for (other_index, other) in known.iter().enumerate().skip(index + 1) {
-                let met = conflicts_of(&one.route, &other.route).into_iter();
-                let ways = [index, other_index];
-                found.conflicts.extend(met.map(|(kind, intervals_m)| WayConflict {
-                    kind,
-                    ways,
-                    intervals_m,
-                }));
-            }
-        }
+        let conflicts = conflicts_of_all(known.iter().map(|way| &way.route));
+        found.conflicts =
+            conflicts.map(|(ways, kind, intervals_m)| WayConflict { kind, ways, intervals_m }).collect();
         found
-    }
-}
-
-fn way(experiment: &Experiment, vehicle: &PlannedVehicle, route: &Route) -> Way {
-    let data = VehicleData { experiment, vehicle };
-    Way {
-        body: data.body(),
-        driver: vehicle.driver,
-        lanes: data.lanes(route),
-        passages: data.passages(route),
-        points: data.points(route),
     }
 }

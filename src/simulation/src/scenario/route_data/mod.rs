@@ -3,7 +3,7 @@
 
 mod arrivals;
 
-pub use arrivals::{ArrivalData, Way, WayConflict};
+pub use arrivals::{ArrivalData, WayConflict};
 
 use super::{Experiment, PlannedVehicle};
 use arrivals::Arrivals;
@@ -38,11 +38,19 @@ pub struct VehicleRoute {
     pub name: String,
     /// Where it starts.
     pub start: RouteStart,
+    /// Its route; the fields stand beside the others.
+    #[serde(flatten)]
+    pub way: Way,
+}
+
+/// A route as vehicles of one build with one driver take it.
+#[derive(Clone, Debug, Serialize)]
+pub struct Way {
     /// Dimensions.
     pub body: RouteBody,
     /// Desired speed, bounds on acceleration, gaps.
     pub driver: DriverParams,
-    /// Lanes of the route in driving order.
+    /// Lanes in driving order.
     pub lanes: Vec<RouteLane>,
     /// Ways through control zones, in driving order.
     pub passages: Vec<RoutePassage>,
@@ -202,28 +210,39 @@ impl RouteData {
         };
         let routes: Vec<Route> = experiment.vehicles.iter().map(route_of).collect();
         let planned = || experiment.vehicles.iter().zip(&routes);
-        let mut conflicts = Vec::new();
-        for (index, (one, route)) in planned().enumerate() {
-            for (other, other_route) in planned().skip(index + 1) {
-                let found = conflicts_of(route, other_route);
-                conflicts.extend(found.into_iter().map(|(kind, intervals_m)| RouteConflict {
-                    kind,
-                    vehicles: [one.id.0, other.id.0],
-                    intervals_m,
-                }));
-            }
-        }
+        let ids: Vec<u32> = experiment.vehicles.iter().map(|vehicle| vehicle.id.0).collect();
+        let conflicts = conflicts_of_all(routes.iter()).map(|(pair, kind, intervals_m)| RouteConflict {
+            kind,
+            vehicles: pair.map(|index| ids[index]),
+            intervals_m,
+        });
         let rules = experiment.coordination.as_ref();
         let Arrivals { arrivals, ways, conflicts: way_conflicts } = Arrivals::of(experiment);
         Self {
             coordination: rules.map_or_else(CoordinationParams::default, |rules| rules.params),
             vehicles: planned().map(|(vehicle, route)| vehicle_route(experiment, vehicle, route)).collect(),
-            conflicts,
+            conflicts: conflicts.collect(),
             arrivals,
             ways,
             way_conflicts,
         }
     }
+}
+
+/// A conflict of two of several routes: their indices, how they meet, and the interval on each.
+type FoundConflict = ([usize; 2], ConflictKind, [[f64; 2]; 2]);
+
+/// The conflicts of each pair of routes.
+fn conflicts_of_all<'r>(
+    routes: impl Iterator<Item = &'r Route> + Clone,
+) -> impl Iterator<Item = FoundConflict> {
+    let pairs = routes.clone().enumerate().flat_map(move |(index, one)| {
+        let others = routes.clone().enumerate().skip(index + 1);
+        others.map(move |(other_index, other)| ([index, other_index], one, other))
+    });
+    pairs.flat_map(|(pair, one, other)| {
+        conflicts_of(one, other).into_iter().map(move |(kind, intervals_m)| (pair, kind, intervals_m))
+    })
 }
 
 /// What two routes have in common: zones that they pass on different sides, and lanes.
@@ -249,16 +268,7 @@ fn conflicts_of(one: &Route, other: &Route) -> Vec<(ConflictKind, [[f64; 2]; 2])
 
 fn vehicle_route(experiment: &Experiment, vehicle: &PlannedVehicle, route: &Route) -> VehicleRoute {
     let data = VehicleData { experiment, vehicle };
-    VehicleRoute {
-        id: vehicle.id.0,
-        name: vehicle.name.clone(),
-        start: data.start(),
-        body: data.body(),
-        driver: vehicle.driver,
-        lanes: data.lanes(route),
-        passages: data.passages(route),
-        points: data.points(route),
-    }
+    VehicleRoute { id: vehicle.id.0, name: vehicle.name.clone(), start: data.start(), way: data.way(route) }
 }
 
 /// A vehicle whose parts are told.
@@ -311,8 +321,14 @@ impl VehicleData<'_> {
             .collect()
     }
 
-    fn points(self, route: &Route) -> Vec<RoutePoint> {
-        points_of(&self.experiment.lab_map, route)
+    fn way(self, route: &Route) -> Way {
+        Way {
+            body: self.body(),
+            driver: self.vehicle.driver,
+            lanes: self.lanes(route),
+            passages: self.passages(route),
+            points: points_of(&self.experiment.lab_map, route),
+        }
     }
 }
 
@@ -351,12 +367,12 @@ mod tests {
     #[test]
     fn vehicles_start_on_their_routes() {
         for vehicle in &data().vehicles {
-            let (start, points) = (vehicle.start, &vehicle.points);
+            let (start, points) = (vehicle.start, &vehicle.way.points);
             let axle = (start.axle_m / POINT_STEP_M).round() as usize;
             let to_axle = glam::DVec2::new(points[axle].x_m - start.x_m, points[axle].y_m - start.y_m);
-            assert!((to_axle.length() - vehicle.body.front_axle_m).abs() < 0.02, "{}", vehicle.name);
+            assert!((to_axle.length() - vehicle.way.body.front_axle_m).abs() < 0.02, "{}", vehicle.name);
             assert!(points.windows(2).all(|pair| (pair[1].yaw_rad - pair[0].yaw_rad).abs() < 0.2));
-            let desired_mps = vehicle.driver.desired_speed_mps;
+            let desired_mps = vehicle.way.driver.desired_speed_mps;
             assert!(points.iter().all(|point| point.speed_mps > 0.1 && point.speed_mps <= desired_mps));
         }
     }
@@ -367,8 +383,11 @@ mod tests {
         let merges = data.conflicts.iter().filter(|conflict| conflict.kind == ConflictKind::Merge);
         let place = |id: u32, at_m: f64| {
             let vehicle = data.vehicles.iter().find(|vehicle| vehicle.id == id).unwrap();
-            let point =
-                vehicle.points.iter().min_by(|a, b| (a.at_m - at_m).abs().total_cmp(&(b.at_m - at_m).abs()));
+            let point = vehicle
+                .way
+                .points
+                .iter()
+                .min_by(|a, b| (a.at_m - at_m).abs().total_cmp(&(b.at_m - at_m).abs()));
             point.map(|point| glam::DVec2::new(point.x_m, point.y_m)).unwrap()
         };
         let mut pairs = Vec::new();
