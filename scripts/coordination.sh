@@ -1,13 +1,14 @@
 #!/bin/sh
-# The experiments of coordination: the roundabout, an intersection under every controller, human drivers among automated
-# vehicles, planning again, a corridor, a merge and a platoon, each in the ideal environment and in the testbed emulator.
-# Usage: scripts/coordination.sh [FOLDER] [SEEDS] [EXPERIMENT ...]; docs/coordination.md has what came out.
+# The experiments of coordination: a merge, the roundabout, an intersection under every controller, human drivers among
+# automated vehicles, planning again, a corridor and a platoon, each in the ideal environment and in the testbed emulator.
+# Usage: scripts/coordination.sh [FOLDER] [SEEDS] [EXPERIMENT ...]; docs/experiments.md has what came out. Figures are in
+# FOLDER/figures. The second time it continues sweeps that were stopped.
 set -eu
 cd "$(dirname "$0")/.."
 out=${1:-out/coordination}
 seeds=${2:-1..20}
 [ $# -ge 2 ] && shift 2 || shift $#
-[ $# -gt 0 ] || set -- roundabout intersection penetration replanning corridor merge platoon
+[ $# -gt 0 ] || set -- merge roundabout intersection penetration replanning corridor platoon
 # Another program than that of this folder: CITY3D=/usr/bin/city3d scripts/coordination.sh
 city3d=${CITY3D:-}
 if [ -z "$city3d" ]; then
@@ -42,11 +43,18 @@ sweep() {
     figures "$name" "$out/$name"
 }
 
+# both FIGURE SWEEP ...: delays of several sweeps in one table and one figure.
+both() {
+    figure=$1
+    shift
+    "$city3d" compare "$@" --out "$out/figures/$figure" --force
+}
+
 roundabout() {
     for scenario in roundabout roundabout-coordinated; do
         for environment in ideal testbed; do
             "$city3d" run "$scenario" --environment "$environment" --out "$out/$scenario-$environment" --force
-            "$city3d" plot "$out/$scenario-$environment/run.mcap" --out "$out/$scenario-$environment/figures" --force >/dev/null
+            "$city3d" plot "$out/$scenario-$environment" --out "$out/figures/$scenario-$environment" --force >/dev/null
         done
         "$city3d" sweep "$scenario" --environment testbed --seeds 1..50 --out "$out/$scenario-seeds" --force >/dev/null
         figures "$scenario-seeds" "$out/$scenario-seeds"
@@ -57,7 +65,8 @@ roundabout() {
 intersection() {
     { cat scenarios/intersection.toml
       printf '\n[right_of_way]\nall_way_stop = ["junction-1-1"]\nfull_stop = true\n'; } \
-        | sed 's/^algorithm = .*/algorithm = "none"/' >"$out/scenarios/all-way-stop.toml"
+        | sed -e 's/^algorithm = .*/algorithm = "none"/' -e 's/^name = "intersection"/name = "all-way stop"/' \
+        >"$out/scenarios/all-way-stop.toml"
     for environment in ideal testbed; do
         rates=150,225,300,375,450
         [ "$environment" = ideal ] || rates=150,225,300
@@ -70,6 +79,8 @@ intersection() {
             --set "inflow.*.rate_veh_h=$rates"
         sweep "signals-$environment" intersection-signals --environment "$environment" \
             --set "inflow.*.rate_veh_h=$rates" --set signal.1.kind=webster,actuated
+        both "intersection-$environment" "$out/replan-$environment" "$out/intersection-$environment" \
+            "$out/all-way-stop-$environment" "$out/signals-$environment"
     done
 }
 
@@ -79,6 +90,7 @@ penetration() {
         sweep "penetration-$environment" intersection --environment "$environment" \
             --set "inflow.*.share_cav=0,0.2,0.4,0.6,0.8,1" --set "inflow.*.rate_veh_h=300"
     done
+    both penetration "$out/penetration-ideal" "$out/penetration-testbed"
 }
 
 # Planning once and planning again, with the values of Le and Malikopoulos (2025): 20 m/s, 3 and -4 m/s2, 250 m of road,
@@ -94,6 +106,7 @@ replanning() {
         sweep "replanning-$algorithm" "$out/scenarios/replanning.toml" \
             --set "inflow.*.rate_veh_h=300,350,400" --set "coordination.algorithm=$algorithm"
     done
+    both replanning "$out/replanning-fifo" "$out/replanning-insert" "$out/replanning-replan"
 }
 
 corridor() {
@@ -101,6 +114,7 @@ corridor() {
         sweep "corridor-$environment" corridor --environment "$environment" \
             --set "inflow.*.rate_veh_h=75,112.5,150" --set coordination.algorithm=none,fifo,insert,replan
     done
+    both corridor "$out/corridor-ideal" "$out/corridor-testbed"
 }
 
 merge() {
@@ -109,6 +123,10 @@ merge() {
             sweep "merge-$algorithm-$environment" merge --environment "$environment" --set "coordination.algorithm=$algorithm"
         done
     done
+    for algorithm in none fifo; do
+        "$city3d" run merge --set "coordination.algorithm=$algorithm" --out "$out/merge-$algorithm" --force >/dev/null
+    done
+    "$city3d" compare "$out/merge-none" "$out/merge-fifo" --out "$out/figures/merge" --force >/dev/null
 }
 
 # gains FREQUENCY TABLE: amplification of each car's speed and from the first to the last car, by the Fourier components of
@@ -144,6 +162,8 @@ platoon() {
                       printf "%s: %.3f +- %.3f\n", name, m, n > 1 ? 2.093 * sqrt(spread / (n - 1)) : 0 }'
         done
     done
+    "$city3d" compare "$out/platoon-idm-0.1" "$out/platoon-ploeg-0.1" --vehicle car1,car4,car8 \
+        --out "$out/figures/platoon" --force >/dev/null
 }
 
 for experiment in "$@"; do

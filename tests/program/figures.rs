@@ -248,6 +248,24 @@ fn a_comparison_tells_both_runs_and_what_they_differ_in() {
 }
 
 #[test]
+fn speeds_that_change_little_fill_their_axis() {
+    let folder = tempfile::tempdir().unwrap();
+    let axis = |scenario: &str| {
+        let log = RunLog::read(&run(&[scenario, "--duration", "20", "--force"], folder.path())).unwrap();
+        let layout = StreamLayout::of(&log, None, None).unwrap();
+        let runs = [log];
+        let (figures, _) = FigureSet::new(&runs, &layout, &BTreeSet::new()).all();
+        let figure = figures.into_iter().find(|figure| figure.name == "speed_time").unwrap();
+        (figure.panels[0].y, figure.note.contains("does not begin at 0"))
+    };
+    // The leader's speed is 0.2 m/s +- 0.02 m/s.
+    let ((low, high), is_told) = axis("platoon");
+    assert!(low > 0.15 && high > 0.22 && is_told, "{low} to {high}");
+    let ((low, high), is_told) = axis("roundabout");
+    assert!(low.abs() < 1e-3 && high > 0.3 && !is_told, "{low} to {high}");
+}
+
+#[test]
 fn an_algorithm_and_none_are_compared_and_told_apart() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();

@@ -126,3 +126,70 @@ fn a_sweep_refuses_what_cannot_be_and_the_folder_of_another_one() {
     let (code, said) = tell(&["--seeds", "1..3", "--out", "c"]);
     assert!(code == 2 && said.contains("another sweep") && said.contains("--force"), "{said}");
 }
+
+#[test]
+fn sweeps_of_several_scenarios_share_a_table_and_a_figure() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let tell = |arguments: &[&str]| {
+        let output = city3d(arguments, folder).output().unwrap();
+        let text = |bytes| String::from_utf8(bytes).unwrap();
+        (output.status.code().unwrap(), text(output.stdout), text(output.stderr))
+    };
+    let study = |scenario: &str, axis: &str, out: &str| {
+        let rest =
+            ["--environment", "testbed", "--duration", "28", "--seeds", "1..2", "--set", axis, "--out", out];
+        let (code, _, said) = tell(&[&["sweep", scenario][..], &rest].concat());
+        assert_eq!(code, 0, "{said}");
+    };
+    let delays = "environment.command_delay_s=0,0.1";
+    study("roundabout", delays, "yield");
+    study("roundabout-coordinated", delays, "plans");
+    let (code, said, complained) = tell(&["compare", "yield", "plans", "--out", "both"]);
+    assert_eq!(code, 0, "{complained}");
+    let rows = |path: &str| -> Vec<Vec<String>> {
+        let mut reader = csv::Reader::from_path(folder.join(path)).unwrap();
+        reader.records().map(|row| row.unwrap().iter().map(str::to_owned).collect()).collect()
+    };
+    assert_eq!(rows("both/delay.csv"), [rows("yield/delay.csv"), rows("plans/delay.csv")].concat());
+    let header = said.lines().find(|line| line.starts_with("command_delay_s")).unwrap();
+    assert_eq!(header.split_whitespace().skip(1).collect::<Vec<_>>(), ["0", "0.1"]);
+    let mean = |path: &str| {
+        let found = rows(path).into_iter().find(|row| row[3] == "mean_delay_s").unwrap();
+        (found[0].clone(), format!("{:.2} ±", found[4].parse::<f64>().unwrap()))
+    };
+    for (curve, delay) in [mean("yield/delay.csv"), mean("plans/delay.csv")] {
+        let line = said.lines().find(|line| line.split_whitespace().next() == Some(&curve)).unwrap();
+        assert!(line.contains(&delay), "{line}: {delay}");
+    }
+    assert!(folder.join("both/delay.svg").exists() && folder.join("both/delay.png").exists());
+
+    // The same curve in two sweeps: the folders tell which.
+    study("roundabout", delays, "again");
+    let (code, said, _) = tell(&["compare", "yield", "again", "--json"]);
+    let points: Vec<serde_json::Value> = serde_json::from_str(&said).unwrap();
+    let names: Vec<&str> = points.iter().map(|point| point["curve"].as_str().unwrap()).collect();
+    assert_eq!((code, &names[..]), (0, &["yield", "yield", "again", "again"][..]));
+    assert_eq!(points[0]["mean_delay_s"], points[2]["mean_delay_s"]);
+
+    // What has no common figure, and what would write over a sweep.
+    study("roundabout", "environment.loss=0,0.01", "losses");
+    let whole = std::fs::read(folder.join("losses/sweep.csv")).unwrap();
+    let refusals: [(&[&str], &str); 5] = [
+        (&["yield", "losses"], "varies loss"),
+        (&["yield", "plans", "--out", "yield", "--force"], "choose another --out"),
+        (&["missing", "absent", "gone"], "two runs can be compared"),
+        (&["yield", "missing"], "missing/sweep.csv: No such file"),
+        (&["yield"], "2 values required"),
+    ];
+    for (arguments, why) in refusals {
+        let (code, _, said) = tell(&[&["compare"], arguments].concat());
+        assert!(code == 2 && said.contains(why), "{arguments:?}: {said}");
+    }
+    std::fs::write(folder.join("losses/sweep.csv"), &whole[..whole.len() * 3 / 4]).unwrap();
+    let (code, _, said) = tell(&["compare", "losses", "yield"]);
+    assert!(code == 2 && said.contains("sweep.csv") && said.contains("--force"), "{said}");
+    std::fs::rename(folder.join("losses/sweep.csv"), folder.join("losses/sweep.csv.part")).unwrap();
+    let (code, _, said) = tell(&["compare", "losses", "yield"]);
+    assert!(code == 2 && said.contains("is not over"), "{said}");
+}

@@ -1,38 +1,50 @@
-//! `city3d compare`: two runs side by side.
+//! `city3d compare`: two runs side by side, or sweeps in one figure.
 
-use super::files::log_argument;
+use super::compare_sweeps;
+use super::files::log_of;
 use super::overwrite::OverwriteArgs;
 use super::plot::{self, FigureArgs};
 use super::say::say;
 use super::{Failure, on_end};
 use city3d_logbook::figures::{Comparison, ComparisonRow, FigureSet, RunHeader, RunPair, some_names};
+use city3d_logbook::sweep::RecordedSweep;
 use city3d_outputs::WholeFile;
 use city3d_simulation::scenario::counted;
 use clap::Args;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 #[derive(Debug, Args)]
 pub struct CompareArgs {
-    /// The run.mcap of one run, or its folder
-    #[arg(value_parser = log_argument)]
-    a: PathBuf,
-    /// The run.mcap or the folder of another run on the same map with vehicles of the same names
-    #[arg(value_parser = log_argument)]
-    b: PathBuf,
-    /// Folder for figures with both runs (SVG, PNG, CSV), comparison.csv and comparison.json
+    /// Two runs on the same map with vehicles of the same names (run.mcap or its folder), or folders of sweeps
+    #[arg(required = true, num_args = 2.., value_names = ["A", "B"])]
+    compared: Vec<PathBuf>,
+    /// Folder for figures with all runs (SVG, PNG, CSV), and of two runs comparison.csv and comparison.json
     #[arg(long, value_name = "DIR")]
-    out: Option<PathBuf>,
+    pub out: Option<PathBuf>,
     #[command(flatten)]
-    overwrite: OverwriteArgs,
+    pub overwrite: OverwriteArgs,
     #[command(flatten)]
-    figures: FigureArgs,
+    pub figures: FigureArgs,
     /// Print the comparison as JSON instead of text
     #[arg(long)]
-    json: bool,
+    pub json: bool,
 }
 
 pub fn compare(args: &CompareArgs) -> Result<(), Failure> {
-    let pair = RunPair::new(plot::read(&args.a)?, plot::read(&args.b)?).map_err(Failure::bad_input)?;
+    if args.compared.iter().any(|folder| RecordedSweep::is_in(folder)) {
+        return compare_sweeps::compare(args, &args.compared);
+    }
+    match &args.compared[..] {
+        [a, b] => compare_runs(args, &log_of(a), &log_of(b)),
+        more => Err(Failure::bad_input(format!(
+            "two runs can be compared, or any number of sweeps; {} runs are given",
+            more.len()
+        ))),
+    }
+}
+
+fn compare_runs(args: &CompareArgs, a: &Path, b: &Path) -> Result<(), Failure> {
+    let pair = RunPair::new(plot::read(a)?, plot::read(b)?).map_err(Failure::bad_input)?;
     let runs = pair.runs();
     let layout = args.figures.layout(&runs[0])?;
     let only = args.figures.vehicles(runs)?;
@@ -43,7 +55,7 @@ pub fn compare(args: &CompareArgs) -> Result<(), Failure> {
     let claim = |folder| {
         let mut files = plot::files_of(figures.iter().map(|figure| figure.name.as_str()));
         files.extend(["comparison.csv", "comparison.json"].map(str::to_owned));
-        plot::claim(folder, &files, args.overwrite, &[args.a.clone(), args.b.clone()])
+        plot::claim(folder, &files, args.overwrite, &[a.to_path_buf(), b.to_path_buf()])
     };
     let _locked = args.out.as_deref().map(claim).transpose()?;
     let json = serde_json::to_string_pretty(&comparison).map_err(Failure::failed)?;

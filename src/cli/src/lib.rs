@@ -6,6 +6,7 @@
 mod bench;
 mod check;
 mod compare;
+mod compare_sweeps;
 mod files;
 mod fork;
 #[cfg(feature = "render")]
@@ -95,7 +96,7 @@ enum Command {
     Run(run::RunArgs),
     /// Draw the figures of recorded runs: SVG, PNG, and their data as CSV
     Plot(plot::PlotArgs),
-    /// Compare two runs on the same map: figures with both, and a table of what happened
+    /// Compare two runs on the same map, or sweeps: figures with all, and a table of what came out
     Compare(compare::CompareArgs),
     /// Watch a recorded run in the window, or simulate it again from its log and compare it
     Replay(Box<replay::ReplayArgs>),

@@ -70,6 +70,11 @@ impl Axis {
         };
         Ok(Self { key: change.key.clone(), values })
     }
+
+    /// The axis of a key with values as they are written in tables of sweeps.
+    pub fn of_words<'w>(key: &str, words: impl IntoIterator<Item = &'w str>) -> Self {
+        Self { key: key.to_owned(), values: words.into_iter().map(literal).collect() }
+    }
 }
 
 /// Values of a range, with both ends if the steps meet them.

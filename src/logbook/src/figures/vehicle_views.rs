@@ -10,6 +10,13 @@ use city3d_protocol::snapshot::VehicleId;
 /// Most vehicles with panels of their own.
 const MOST_ROWS: usize = 8;
 
+/// Whether all values of a figure are more than half of the largest one.
+fn is_narrow(figure: &Figure) -> bool {
+    let values = || figure.panels.iter().flat_map(|panel| &panel.lines).flat_map(|line| &line.points);
+    let most = values().map(|(_, value)| *value).fold(0.0, f64::max);
+    most > LEAST_SPEED_MPS && values().all(|(_, value)| *value > 0.5 * most)
+}
+
 impl FigureSet<'_> {
     /// Speed over time.
     pub(super) fn speed_over_time(&self) -> Figure {
@@ -18,8 +25,12 @@ impl FigureSet<'_> {
         let note = self.series(&mut figure, "Speed [m/s]", 1.0, &|trace| {
             moving_average(trace).into_iter().map(|mps| self.metres(mps)).collect()
         });
-        Self::fit_alike(&mut figure, &[0.0], &[0.0, LEAST_SPEED_MPS]);
-        figure.note = format!("Speeds are means over {AVERAGED_S} s. Laboratory metres.{note}");
+        // Small changes of a speed are not seen on an axis from 0.
+        let is_narrow = is_narrow(&figure);
+        let speeds: &[f64] = if is_narrow { &[] } else { &[0.0, LEAST_SPEED_MPS] };
+        Self::fit_alike(&mut figure, &[0.0], speeds);
+        let axis = if is_narrow { " The axis of speeds does not begin at 0." } else { "" };
+        figure.note = format!("Speeds are means over {AVERAGED_S} s. Laboratory metres.{axis}{note}");
         figure
     }
 

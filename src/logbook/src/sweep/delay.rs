@@ -1,18 +1,13 @@
-//! Delay of a sweep against flow, or against the numbers of an axis: a curve for each setting of the other axes, with
+//! Delay of sweeps against flow, or against the numbers of an axis: a curve for each setting of the other axes, with
 //! confidence intervals over seeds.
 
 use super::interval::MeanInterval;
 use super::map::SweepResults;
 use super::table::column;
-use crate::figures::chart::{ChartLine, Dash, Figure, LegendEntry, LineStyle, Panel};
-use crate::figures::{TidyTable, distinct_styles, number};
-use city3d_simulation::scenario::counted;
+use crate::figures::{TidyTable, number};
 use city3d_simulation::sweep::Axis;
-
-/// Name of the figure over an axis that varies the demand.
-pub const DELAY_FLOW: &str = "delay_flow";
-/// Name of the figure over an axis of other numbers.
-pub const DELAY: &str = "delay";
+use std::collections::BTreeSet;
+use thiserror::Error;
 
 /// Columns of the table of a sweep whose means the figure's table has.
 const QUANTITIES: [&str; 14] = [
@@ -35,62 +30,162 @@ const QUANTITIES: [&str; 14] = [
 /// Axes with one of these words in the last part of their keys vary the demand.
 const DEMAND_WORDS: [&str; 4] = ["rate", "per_h", "flow", "demand"];
 
-/// What the delay is drawn against.
-#[derive(Clone, Copy)]
-struct Abscissa {
-    /// Its axis.
-    axis: usize,
-    /// The axis varies the demand, so that the flow says more than its numbers.
-    is_demand: bool,
+/// The axis that delays belong to.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct DelayAxis {
+    /// The last part of its key, such as `rate_veh_h` or `share_cav`.
+    pub name: String,
+    /// The axis varies the demand, so that delays are drawn against the flow that left.
+    pub is_demand: bool,
 }
 
 /// One point of a curve: the runs of one setting.
-struct DelayPoint {
-    curve: String,
-    x: MeanInterval,
-    delay: MeanInterval,
+#[derive(Clone, Debug, PartialEq)]
+pub struct DelayPoint {
+    /// Name of the curve: the setting of the other axes, or the scenario where there are none.
+    pub curve: String,
+    /// Value of the [`DelayAxis`].
+    pub value: String,
+    /// Mean delay of the runs, s.
+    pub delay_s: MeanInterval,
+    /// Vehicles an hour that left, where it was measured.
+    pub throughput_per_h: Option<MeanInterval>,
+    /// Number of collisions in all runs of the point.
+    pub collisions: u64,
+}
+
+/// Delays of one sweep, or of several in one figure.
+#[derive(Debug)]
+pub struct DelayCurves {
+    pub(super) axis: DelayAxis,
+    /// Names of the scenarios.
+    pub(super) scenarios: Vec<String>,
+    /// Points by curve, in the order of the runs.
+    pub(super) points: Vec<DelayPoint>,
+    /// Means and intervals of all quantities.
+    pub(super) table: TidyTable,
+}
+
+/// Delays of different axes have no common figure.
+#[derive(Clone, Debug, PartialEq, Eq, Error)]
+#[error(
+    "{first} varies {of_first}, and {other} varies {of_other}; sweeps of the same parameter can be compared"
+)]
+pub struct DifferentAxes {
+    first: String,
+    of_first: String,
+    other: String,
+    of_other: String,
+}
+
+impl DelayCurves {
+    /// Delays of a sweep; `None` where no axis has several numbers, or no run has a delay.
+    pub fn of(sweep: &SweepResults<'_>) -> Option<Self> {
+        let (index, axis) = abscissa(sweep.axes)?;
+        let cells: usize = sweep.axes.iter().map(|axis| axis.values.len()).product();
+        let per_cell = (sweep.rows.len() / cells.max(1)).max(1);
+        let mut curves = Self {
+            table: TidyTable::new(&["curve", axis.column(), "runs", "quantity", "mean", "ci95"]),
+            axis,
+            scenarios: vec![sweep.name().to_owned()],
+            points: Vec::new(),
+        };
+        for cell in sweep.rows.chunks(per_cell) {
+            let (curve, value) = (sweep.curve(&cell[0], index), cell[0][index].clone());
+            curves.tabulate(sweep, cell, &curve, &value);
+            let Some(delay_s) = sweep.interval(cell, "mean_delay_s") else { continue };
+            let collisions = sweep.interval(cell, "collisions");
+            curves.points.push(DelayPoint {
+                curve,
+                value,
+                delay_s,
+                throughput_per_h: sweep.interval(cell, "throughput_per_h"),
+                collisions: collisions.map_or(0, |found| (found.mean * found.count as f64).round() as u64),
+            });
+        }
+        (!curves.points.is_empty()).then_some(curves)
+    }
+
+    /// Adds rows with the means of a cell.
+    fn tabulate(&mut self, sweep: &SweepResults<'_>, cell: &[Vec<String>], curve: &str, value: &str) {
+        for quantity in QUANTITIES {
+            let Some(found) = sweep.interval(cell, quantity) else { continue };
+            self.table.rows.push(vec![
+                curve.to_owned(),
+                value.to_owned(),
+                found.count.to_string(),
+                quantity.to_owned(),
+                number(found.mean, 6),
+                found.half_width.map_or_else(String::new, |half| number(half, 6)),
+            ]);
+        }
+    }
+
+    /// Delays of several sweeps, each with a label. Curves of the same name in two sweeps get the labels in front; where
+    /// the name is that of the scenario the label takes its place.
+    ///
+    /// # Errors
+    /// When two sweeps vary different parameters.
+    pub fn joined(sweeps: Vec<(String, Self)>) -> Result<Option<Self>, DifferentAxes> {
+        let shared = names_of_several(&sweeps);
+        let mut sweeps = sweeps.into_iter();
+        let Some((first, mut all)) = sweeps.next() else { return Ok(None) };
+        all.label(&first, &shared);
+        for (other, mut one) in sweeps {
+            if one.axis != all.axis {
+                let (of_first, of_other) = (all.axis.name, one.axis.name);
+                return Err(DifferentAxes { first, of_first, other, of_other });
+            }
+            one.label(&other, &shared);
+            all.points.append(&mut one.points);
+            all.table.rows.append(&mut one.table.rows);
+            all.scenarios.retain(|name| !one.scenarios.contains(name));
+            all.scenarios.append(&mut one.scenarios);
+        }
+        Ok(Some(all))
+    }
+
+    /// Puts a label in front of the names of these curves.
+    fn label(&mut self, label: &str, shared: &BTreeSet<String>) {
+        let names = self.points.iter_mut().map(|point| &mut point.curve);
+        let names = names.chain(self.table.rows.iter_mut().map(|row| &mut row[0]));
+        for name in names.filter(|name| shared.contains(*name)) {
+            *name = match self.scenarios.contains(name) {
+                true => label.to_owned(),
+                false => format!("{label}: {name}"),
+            };
+        }
+    }
+
+    /// The axis that the points' values are of.
+    pub fn axis(&self) -> &DelayAxis {
+        &self.axis
+    }
+
+    /// Points by curve, in the order of the runs.
+    pub fn points(&self) -> &[DelayPoint] {
+        &self.points
+    }
+
+    /// Names of the curves, in the order of the runs.
+    pub fn names(&self) -> Vec<&str> {
+        distinct(self.points.iter().map(|point| point.curve.as_str()))
+    }
+
+    /// Values of the axis, in the order of the runs.
+    pub fn values(&self) -> Vec<&str> {
+        distinct(self.points.iter().map(|point| point.value.as_str()))
+    }
+}
+
+impl DelayAxis {
+    /// Name of the table's column with its values.
+    fn column(&self) -> &'static str {
+        if self.is_demand { "demand" } else { "value" }
+    }
 }
 
 impl SweepResults<'_> {
-    /// The figure; `None` where no axis has several numbers, or no run has a delay.
-    pub(super) fn delay(&self) -> Option<Figure> {
-        let abscissa = self.abscissa()?;
-        let cells: usize = self.axes.iter().map(|axis| axis.values.len()).product();
-        let per_cell = (self.rows.len() / cells.max(1)).max(1);
-        let value = if abscissa.is_demand { "demand" } else { "value" };
-        let mut table = TidyTable::new(&["curve", value, "runs", "quantity", "mean", "ci95"]);
-        let mut points = Vec::new();
-        for cell in self.rows.chunks(per_cell) {
-            let curve = self.curve(&cell[0], abscissa.axis);
-            for quantity in QUANTITIES {
-                let Some(found) = self.interval(cell, quantity) else { continue };
-                table.rows.push(vec![
-                    curve.clone(),
-                    cell[0][abscissa.axis].clone(),
-                    found.count.to_string(),
-                    quantity.to_owned(),
-                    number(found.mean, 6),
-                    found.half_width.map_or_else(String::new, |half| number(half, 6)),
-                ]);
-            }
-            let x = || match abscissa.is_demand {
-                true => self.interval(cell, "throughput_per_h"),
-                false => MeanInterval::of(&[cell[0][abscissa.axis].parse().ok()?]),
-            };
-            if let Some((x, delay)) = x().zip(self.interval(cell, "mean_delay_s")) {
-                points.push(DelayPoint { curve, x, delay });
-            }
-        }
-        (!points.is_empty()).then(|| self.draw(abscissa, &points, table))
-    }
-
-    /// The axis of the demand, else the first one with several numbers.
-    fn abscissa(&self) -> Option<Abscissa> {
-        let demand = self.axes.iter().position(varies_demand);
-        let axis = demand.or_else(|| self.axes.iter().position(has_numbers))?;
-        Some(Abscissa { axis, is_demand: demand.is_some() })
-    }
-
     fn interval(&self, cell: &[Vec<String>], quantity: &str) -> Option<MeanInterval> {
         let index = column(self.axes.len(), quantity)?;
         let values: Vec<f64> = cell.iter().filter_map(|row| row[index].parse().ok()).collect();
@@ -105,68 +200,32 @@ impl SweepResults<'_> {
             others.map(|(_, (axis, value))| format!("{} {value}", last_part(&axis.key))).collect();
         if words.is_empty() { self.name().to_owned() } else { words.join(", ") }
     }
-
-    fn draw(&self, abscissa: Abscissa, points: &[DelayPoint], table: TidyTable) -> Figure {
-        let mut names: Vec<&str> = Vec::new();
-        for point in points {
-            if !names.contains(&point.curve.as_str()) {
-                names.push(&point.curve);
-            }
-        }
-        let Abscissa { axis, is_demand } = abscissa;
-        let against = last_part(&self.axes[axis].key).to_owned();
-        let mut panel = Panel {
-            x_label: if is_demand { "Throughput [vehicles/h]".to_owned() } else { against.clone() },
-            y_label: "Mean delay [s]".to_owned(),
-            ..Panel::default()
-        };
-        let mut legend = Vec::new();
-        for (name, stroke) in names.iter().zip(distinct_styles(names.len())) {
-            let own: Vec<&DelayPoint> = points.iter().filter(|point| point.curve == *name).collect();
-            let line = own.iter().map(|point| (point.x.mean, point.delay.mean)).collect();
-            panel.lines.push(ChartLine { points: line, stroke });
-            panel.lines.extend(own.iter().flat_map(|point| error_bars(point, stroke)));
-            legend.push(LegendEntry { name: (*name).to_owned(), stroke });
-        }
-        panel.fit(&[0.0], &[0.0]);
-        let dot = (panel.x.1 - panel.x.0) * DOT;
-        for (name, stroke) in names.iter().zip(distinct_styles(names.len())) {
-            let stroke = LineStyle { width_pt: 3.5, dash: Dash::Solid, ..stroke };
-            for point in points.iter().filter(|point| point.curve == *name) {
-                let (x, y) = (point.x.mean, point.delay.mean);
-                panel.lines.push(ChartLine { points: vec![(x - dot, y), (x + dot, y)], stroke });
-            }
-        }
-        let runs = points.iter().map(|point| point.delay.count).max().unwrap_or(0);
-        Figure {
-            name: if is_demand { DELAY_FLOW } else { DELAY }.to_owned(),
-            title: format!("{}: delay against {}", self.name(), if is_demand { "flow" } else { &against }),
-            panels: vec![panel],
-            columns: 1,
-            row_height: 0.5,
-            legend,
-            scale: None,
-            note: format!(
-                "Means of up to {} with their 95 % confidence intervals (Student's t). Delay includes the time held \
-                 outside{}.",
-                counted(runs, "run"),
-                if is_demand { "; throughput is measured at the exit" } else { "" }
-            ),
-            table,
-        }
-    }
 }
 
-/// Half the width of a point over that of the axes.
-const DOT: f64 = 0.003;
+/// The axis of the demand, else the first one with several numbers, with its index.
+fn abscissa(axes: &[Axis]) -> Option<(usize, DelayAxis)> {
+    let demand = axes.iter().position(varies_demand);
+    let index = demand.or_else(|| axes.iter().position(has_numbers))?;
+    let name = last_part(&axes[index].key).to_owned();
+    Some((index, DelayAxis { name, is_demand: demand.is_some() }))
+}
 
-/// Confidence intervals of a point, as a cross.
-fn error_bars(point: &DelayPoint, stroke: LineStyle) -> impl Iterator<Item = ChartLine> {
-    let (x, y) = (point.x.mean, point.delay.mean);
-    let stroke = LineStyle { width_pt: 0.7, dash: Dash::Solid, ..stroke };
-    let upright = point.delay.half_width.map(|half| vec![(x, y - half), (x, y + half)]);
-    let level = point.x.half_width.map(|half| vec![(x - half, y), (x + half, y)]);
-    [upright, level].into_iter().flatten().map(move |points| ChartLine { points, stroke })
+/// Names of curves that more than one sweep has.
+fn names_of_several(sweeps: &[(String, DelayCurves)]) -> BTreeSet<String> {
+    let mut seen = BTreeSet::new();
+    let names = sweeps.iter().flat_map(|(_, sweep)| sweep.names());
+    names.filter(|name| !seen.insert(*name)).map(str::to_owned).collect()
+}
+
+/// Each word once, in the order in which they come.
+fn distinct<'w>(words: impl Iterator<Item = &'w str>) -> Vec<&'w str> {
+    let mut found = Vec::new();
+    for word in words {
+        if !found.contains(&word) {
+            found.push(word);
+        }
+    }
+    found
 }
 
 /// The last part of a dotted path.
@@ -215,7 +274,7 @@ mod tests {
             .into();
         let (rows, document) = (rows(&axes), toml::Table::new());
         let results = SweepResults { axes: &axes, rows: &rows, document: &document, is_testbed: false };
-        let figure = results.delay().unwrap();
+        let figure = DelayCurves::of(&results).unwrap().figure();
         let names: Vec<&str> = figure.legend.iter().map(|key| key.name.as_str()).collect();
         assert_eq!(names, ["algorithm yield", "algorithm insert"]);
         assert_eq!(figure.panels[0].lines[0].points, [(615.0, 5.5), (1215.0, 9.5)]);
@@ -234,14 +293,57 @@ mod tests {
             .into();
         let rows = rows(&axes);
         let results = SweepResults { axes: &axes, rows: &rows, document: &document, is_testbed: false };
-        let figure = results.delay().unwrap();
-        assert_eq!((figure.name.as_str(), figure.panels[0].x_label.as_str()), (DELAY, "share_cav"));
+        let figure = DelayCurves::of(&results).unwrap().figure();
+        assert_eq!((figure.name.as_str(), figure.panels[0].x_label.as_str()), ("delay", "share_cav"));
         assert_eq!(figure.panels[0].lines[0].points, [(600.0, 5.5), (1200.0, 9.5)]);
         // No number, no runs.
         for axis in ["coordination.algorithm=yield,insert", "environment.loss=0,0.1"] {
             let axes: Vec<Axis> = vec![axis.parse().unwrap()];
             let results = SweepResults { axes: &axes, rows: &[], document: &document, is_testbed: false };
-            assert!(results.delay().is_none(), "{axis}");
+            assert!(DelayCurves::of(&results).is_none(), "{axis}");
         }
+    }
+
+    #[test]
+    fn curves_of_several_sweeps_share_a_figure_and_are_told_apart_by_labels() {
+        let named = |name: &str| toml::Table::from_iter([("name".to_owned(), toml::Value::from(name))]);
+        let axes: Vec<Axis> = ["coordination.algorithm=yield,insert", "inflow.1.rate_veh_h=600,1200"]
+            .map(|axis| axis.parse().unwrap())
+            .into();
+        let rows = rows(&axes);
+        let of = |document: &toml::Table, axes: &[Axis], rows: &[Vec<String>]| {
+            DelayCurves::of(&SweepResults { axes, rows, document, is_testbed: false }).unwrap()
+        };
+        let plans = || ("plans".to_owned(), of(&named("intersection"), &axes, &rows));
+        // Without an axis but the demand the curve is called by its scenario.
+        let only: Vec<Axis> = vec![axes[1].clone()];
+        let bare: Vec<Vec<String>> = rows[..4].iter().map(|row| row[1..].to_vec()).collect();
+        let signals = ("signals".to_owned(), of(&named("intersection-signals"), &only, &bare));
+        let both = DelayCurves::joined(vec![plans(), signals]).unwrap().unwrap();
+        assert_eq!(both.names(), ["algorithm yield", "algorithm insert", "intersection-signals"]);
+        let figure = both.figure();
+        assert_eq!((figure.legend.len(), figure.name.as_str()), (3, "delay_flow"));
+        assert_eq!(figure.title, "intersection, intersection-signals: delay against flow");
+
+        let testbed = ("testbed".to_owned(), plans().1);
+        let twice = DelayCurves::joined(vec![plans(), testbed]).unwrap().unwrap();
+        assert_eq!(
+            twice.names(),
+            [
+                "plans: algorithm yield",
+                "plans: algorithm insert",
+                "testbed: algorithm yield",
+                "testbed: algorithm insert"
+            ]
+        );
+        assert_eq!(twice.table.rows[0][0], "plans: algorithm yield");
+
+        let other: Vec<Axis> = vec![axes[0].clone(), "inflow.*.share_cav=600,1200".parse().unwrap()];
+        let shares = ("shares".to_owned(), of(&named("intersection"), &other, &rows));
+        let error = DelayCurves::joined(vec![plans(), shares]).unwrap_err();
+        assert!(
+            error.to_string().starts_with("plans varies rate_veh_h, and shares varies share_cav"),
+            "{error}"
+        );
     }
 }

@@ -1,7 +1,8 @@
 //! Heat maps of a sweep over one or two axes: the share of seeds with a collision and, where streams merge, the share
 //! in which a yielding vehicle merges before the others are through.
 
-use super::delay::{DELAY, DELAY_FLOW};
+use super::delay::DelayCurves;
+use super::delay_figure::{DELAY, DELAY_FLOW};
 use super::table::column;
 use crate::figures::chart::{ColourBar, Figure, HeatMapCell, Panel};
 use crate::figures::{TidyTable, number};
@@ -45,7 +46,8 @@ impl SweepResults<'_> {
     /// Every figure that can be drawn: maps where the sweep has one or two axes, and the delay where one has several
     /// numbers.
     pub fn figures(&self) -> Vec<Figure> {
-        self.merging().into_iter().chain(self.collisions()).chain(self.delay()).collect()
+        let delay = DelayCurves::of(self).map(|curves| curves.figure());
+        self.merging().into_iter().chain(self.collisions()).chain(delay).collect()
     }
 
     fn merging(&self) -> Option<Figure> {

@@ -66,9 +66,8 @@ impl SweepHeader {
     /// The identity of the runs of `jobs` over `axes`: `scenario` is the text of the scenario, `overrides` what is set
     /// otherwise in all of them.
     pub fn new(overrides: &Overrides, scenario: &str, axes: &[Axis], jobs: &[Job]) -> Self {
-        let keys = axes.iter().map(|axis| axis.key.clone());
-        let columns =
-            keys.chain(std::iter::once("seed".to_owned())).chain(COLUMNS.map(str::to_owned)).collect();
+        let keys: Vec<String> = axes.iter().map(|axis| axis.key.clone()).collect();
+        let columns = columns_of(&keys);
         let Overrides { seed, duration_s, model, environment, .. } = overrides;
         let version = env!("CARGO_PKG_VERSION");
         let mut text = format!(
@@ -319,6 +318,12 @@ fn traffic(of: &TrafficMetrics) -> [String; 18] {
         some(safety.min_gap_m, 5),
         some(safety.min_pet_s, 3),
     ]
+}
+
+/// The columns of a table over axes with these keys.
+pub(super) fn columns_of(keys: &[String]) -> Vec<String> {
+    let seed = std::iter::once("seed".to_owned());
+    keys.iter().cloned().chain(seed).chain(COLUMNS.map(str::to_owned)).collect()
 }
 
 /// Index of a column of [`row`] after the axes.
