@@ -7,6 +7,7 @@
 )]
 
 mod frames;
+mod motion;
 mod served_window;
 #[path = "../support/mod.rs"]
 mod support;

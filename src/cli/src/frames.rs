@@ -21,9 +21,13 @@ use super::say::{complain, say};
 use super::{Failure, ScenarioArgs, on_end, progress, values};
 use cameras::CameraArgs;
 use city3d_outputs::OutputFolder;
+use city3d_protocol::snapshot::FrameSnapshot;
 use city3d_render::video::{FrameRate, ReaderState, Video, VideoOutput};
-use city3d_render::{CaptureJob, Image, PendingReadback, PictureRow, PictureTable, PngStream, Renderer};
-use city3d_sensors::PictureKinds;
+use city3d_render::{
+    BoxTable, CaptureJob, FlowJob, Image, Motion, PendingReadback, PictureRow, PictureTable, PngStream,
+    Renderer,
+};
+use city3d_sensors::{PictureKinds, View};
 use city3d_session::capture::{CaptureError, CaptureSchedule, CapturedRun};
 use city3d_simulation::scenario::Experiment;
 use clap::Args;
@@ -103,6 +107,11 @@ fn overrides(
 ) -> Result<CameraOverrides, Failure> {
     let is_video = !matches!(destination, Destination::Folder(_));
     let kinds = args.kinds.overrides();
+    if let Some(option) = args.kinds.beside_pictures().filter(|_| is_video) {
+        return Err(Failure::bad_input(format!(
+            "a video holds pictures alone; leave {option} out, or give --out a folder for single pictures"
+        )));
+    }
     if is_video && kinds.is_some_and(|kinds| kinds != PictureKinds::RGB) {
         return Err(Failure::bad_input(
             "a video has kind rgb only; leave --kind out, or give --out a folder for single pictures",
@@ -135,6 +144,30 @@ impl From<CaptureError> for Failure {
     }
 }
 
+/// The tables beside the pictures.
+struct FrameTables {
+    pictures: PictureTable,
+    /// Where boxes are wanted.
+    boxes: Option<BoxTable>,
+}
+
+impl FrameTables {
+    fn finish(self) -> Result<&'static str, Failure> {
+        self.pictures.finish()?;
+        match self.boxes {
+            Some(boxes) => boxes.finish().map(|()| "frames.csv and boxes.csv").map_err(Failure::from),
+            None => Ok("frames.csv"),
+        }
+    }
+}
+
+/// The last picture of a camera, since which optical flow is told.
+#[derive(Clone)]
+struct EarlierPicture {
+    snapshot: Arc<FrameSnapshot>,
+    view: View,
+}
+
 /// Takes the pictures of a run.
 struct FrameCapture<'a> {
     args: &'a FramesArgs,
@@ -160,25 +193,28 @@ impl FrameCapture<'_> {
         schedule: CaptureSchedule,
         folder: &OutputFolder,
     ) -> Result<(), Failure> {
-        let mut table = table::create(folder)?;
+        let mut tables = FrameTables {
+            pictures: table::create(folder)?,
+            boxes: table::create_boxes(folder, self.args.kinds.boxes)?,
+        };
         let mut renderer = self.open(&schedule)?;
         let adapter = renderer.context().adapter_name.clone();
         let start = Instant::now();
         let mut playback = source.begin()?;
         let mut stream = PngStream::new(&mut renderer);
-        let taken = self.push_pictures(&mut playback, schedule, &mut stream, (folder.path(), &mut table));
+        let taken = self.push_pictures(&mut playback, schedule, &mut stream, (folder.path(), &mut tables));
         // Pictures under way are completed, and the table lists all that are whole: also after a failure.
         let count = stream.finish().map_err(failure);
-        let listed = table.settle(&stream.take_outcomes()).map_err(Failure::from);
-        let named = table.finish().map_err(Failure::from);
-        let count = taken.and(count).and_then(|count| listed.and(named).map(|()| count))?;
+        let listed = tables.pictures.settle(&stream.take_outcomes()).map_err(Failure::from);
+        let named = tables.finish();
+        let (count, tables) = taken.and(count).and_then(|count| Ok((count, listed.and(named)?)))?;
         self.fail_if_stopped(&playback)?;
         let speed = count as f64 / start.elapsed().as_secs_f64().max(1e-9);
         let sizes: BTreeSet<[u32; 2]> = self.shots.iter().map(|shot| shot.lens.extent).collect();
         let sizes: Vec<String> = sizes.iter().map(|[width, height]| format!("{width} x {height}")).collect();
         let (sizes, folder) = (sizes.join(" and "), folder.path().display());
         say(format_args!(
-            "{count} pictures of {sizes} and frames.csv in {folder}: {speed:.1} images/s on {adapter}"
+            "{count} pictures of {sizes} and {tables} in {folder}: {speed:.1} images/s on {adapter}"
         ))
     }
 
@@ -188,17 +224,18 @@ impl FrameCapture<'_> {
         playback: &mut CapturedRun,
         mut schedule: CaptureSchedule,
         stream: &mut PngStream<'_>,
-        (folder, table): (&Path, &mut PictureTable),
+        (folder, tables): (&Path, &mut FrameTables),
     ) -> Result<(), Failure> {
+        let mut earlier: Vec<Option<EarlierPicture>> = vec![None; self.shots.len()];
         let bar = progress::simulated_seconds(self.experiment.duration_s);
         while let Some((tick, due)) = schedule.next_due() {
             playback.advance(tick, self.stop, &mut |time_s| progress::show(&bar, time_s))?;
             if self.is_stopped() {
                 break;
             }
-            let orders = self.order(playback, &due, folder, table)?;
+            let orders = self.order(playback.snapshot(), &due, (folder, &mut *tables), &mut earlier)?;
             stream.push_jobs(playback.snapshot(), orders).map_err(failure)?;
-            table.settle(&stream.take_outcomes())?;
+            tables.pictures.settle(&stream.take_outcomes())?;
         }
         bar.finish_and_clear();
         Ok(())
@@ -221,23 +258,35 @@ impl FrameCapture<'_> {
     /// The files of the due cameras, each with its row.
     fn order(
         &self,
-        playback: &CapturedRun,
+        snapshot: &FrameSnapshot,
         due: &[usize],
-        folder: &Path,
-        table: &mut PictureTable,
+        (folder, tables): (&Path, &mut FrameTables),
+        earlier: &mut [Option<EarlierPicture>],
     ) -> Result<Vec<CaptureJob>, Failure> {
-        let snapshot = playback.snapshot();
         let mut orders = Vec::with_capacity(due.len());
-        for shot in due.iter().map(|&index| &self.shots[index]) {
+        let now = self.args.kinds.flow_format().map(|_| Arc::new(snapshot.clone()));
+        for &index in due {
+            let shot = &self.shots[index];
             // A vehicle that has left takes no pictures.
             let Some(view) = shot.view(snapshot).map_err(Failure::failed)? else { continue };
             let mut files = Vec::with_capacity(shot.kinds.len());
             for format in shot.kinds.iter().map(|kind| self.args.kinds.format(kind)) {
                 let file = file_name(&shot.stem(snapshot.tick), format);
-                table.add(&PictureRow::new((&file, format), shot.taken_by(), snapshot, &view))?;
+                tables.pictures.add(&PictureRow::new((&file, format), shot.taken_by(), snapshot, &view))?;
                 files.push((format, folder.join(file)));
             }
-            orders.push(CaptureJob { view, files });
+            let present = now.as_ref().map(|now| EarlierPicture { snapshot: Arc::clone(now), view });
+            let before = std::mem::replace(&mut earlier[index], present);
+            let flow = before.zip(self.args.kinds.flow_format()).map(|(before, format)| {
+                let file = format!("{}_flow.{}", shot.stem(snapshot.tick), format.extension());
+                tables.pictures.add(&PictureRow::of_flow(&file, shot.taken_by(), snapshot, &view))?;
+                let motion = Motion::between((&before.snapshot, before.view), (snapshot, view));
+                Ok::<_, Failure>(FlowJob { motion, format, path: folder.join(file) })
+            });
+            if let Some(boxes) = &mut tables.boxes {
+                boxes.add(shot.taken_by(), snapshot, &view)?;
+            }
+            orders.push(CaptureJob { view, files, flow: flow.transpose()? });
         }
         Ok(orders)
     }

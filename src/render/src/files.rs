@@ -28,6 +28,53 @@ pub enum PictureFormat {
     Instance,
 }
 
+/// File format of optical flow ([`Motion::flow`](super::Motion::flow)).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum FlowFormat {
+    /// PNG of KITTI: 16 bits a channel, red and green 64 times the pixels to the right and down, plus 32768; blue 1, or 0
+    /// where the flow is not known or is beyond 512 pixels.
+    Png,
+    /// numpy array (`.npy`) of 32-bit floats by row, column, and right or down: pixels, nan where it is not known.
+    Npy,
+}
+
+impl FlowFormat {
+    /// Extension of the file name, without a dot.
+    pub fn extension(self) -> &'static str {
+        match self {
+            Self::Png => "png",
+            Self::Npy => "npy",
+        }
+    }
+
+    /// Writes a picture of flow.
+    ///
+    /// # Errors
+    /// [`RenderError::File`] or [`RenderError::Encoding`] with the path.
+    pub fn write(self, path: &Path, flow: &Plane<[f32; 2]>) -> Result<(), RenderError> {
+        let extent = [flow.width, flow.height];
+        match self {
+            Self::Png => {
+                let bytes: Vec<u8> = flow.values.iter().flat_map(|pixel| kitti_flow(*pixel)).collect();
+                let png =
+                    Png { color: ::png::ColorType::Rgb, depth: ::png::BitDepth::Sixteen, palette: None };
+                png.write(path, extent, &bytes)
+            }
+            Self::Npy => write_npy(path, (extent, "2"), flow.values.as_flattened()),
+        }
+    }
+}
+
+/// Six bytes of a pixel of KITTI's flow.
+fn kitti_flow(flow: [f32; 2]) -> [u8; 6] {
+    let counts = flow.map(|pixels| (f64::from(pixels) * 64.0 + 32_768.0).round());
+    let is_known = counts.iter().all(|count| (0.0..=65_535.0).contains(count));
+    let [right, down] = counts.map(|count| if is_known { count as u16 } else { 0 });
+    let [a, b] = right.to_be_bytes();
+    let [c, d] = down.to_be_bytes();
+    [a, b, c, d, 0, u8::from(is_known)]
+}
+
 impl PictureFormat {
     /// Kind of the pictures that a file of this format holds.
     pub fn kind(self) -> PictureKind {
@@ -66,7 +113,10 @@ impl PictureFormat {
             Self::DepthPng { metres_per_count } => {
                 pictures.depth.as_ref().map(|plane| write_depth(path, plane, metres_per_count))
             }
-            Self::DepthNpy => pictures.depth.as_ref().map(|plane| write_npy(path, plane)),
+            Self::DepthNpy => pictures
+                .depth
+                .as_ref()
+                .map(|plane| write_npy(path, ([plane.width, plane.height], ""), &plane.values)),
             Self::Semantic => pictures.semantic.as_ref().map(|plane| write_classes(path, plane, false)),
             Self::SemanticPalette => pictures.semantic.as_ref().map(|plane| write_classes(path, plane, true)),
             Self::Instance => {
@@ -126,19 +176,24 @@ impl Png {
     }
 }
 
-/// Writes format 1.0 of numpy's arrays (numpy.lib.format).
-fn write_npy(path: &Path, plane: &Plane<f32>) -> Result<(), RenderError> {
+/// Writes format 1.0 of numpy's arrays (numpy.lib.format) of a picture, whose pixels may have a further dimension.
+fn write_npy(
+    path: &Path,
+    ([width, height], inner): ([u32; 2], &str),
+    values: &[f32],
+) -> Result<(), RenderError> {
     let at = |source| RenderError::File { path: path.to_owned(), source };
     let mut file = BufWriter::new(WholeFile::create(path).map_err(at)?);
-    let (height, width) = (plane.height, plane.width);
-    let mut header = format!("{{'descr': '<f4', 'fortran_order': False, 'shape': ({height}, {width}), }}");
+    let inner = if inner.is_empty() { String::new() } else { format!(", {inner}") };
+    let mut header =
+        format!("{{'descr': '<f4', 'fortran_order': False, 'shape': ({height}, {width}{inner}), }}");
     const BEFORE: usize = 10;
     // The data begin at a multiple of 64 bytes.
     let end = (BEFORE + header.len() + 1).next_multiple_of(64);
     header.push_str(&" ".repeat(end - BEFORE - header.len() - 1));
     header.push('\n');
     let length = (header.len() as u16).to_le_bytes();
-    let bytes: Vec<u8> = plane.values.iter().flat_map(|value| value.to_le_bytes()).collect();
+    let bytes: Vec<u8> = values.iter().flat_map(|value| value.to_le_bytes()).collect();
     for part in [b"\x93NUMPY\x01\x00".as_slice(), &length, header.as_bytes(), &bytes] {
         file.write_all(part).map_err(at)?;
     }
@@ -174,6 +229,32 @@ mod tests {
         let floats: Vec<f32> =
             npy[128..].chunks(4).map(|b| f32::from_le_bytes([b[0], b[1], b[2], b[3]])).collect();
         assert_eq!(floats, metres);
+    }
+
+    #[test]
+    fn flow_is_counted_as_kitti_does_and_what_is_not_known_is_marked() {
+        let flow =
+            plane(vec![[0.0, 0.0], [1.5, -2.0], [f32::NAN; 2], [511.9, 0.0], [600.0, 0.0], [-512.0, 0.25]]);
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("flow");
+        FlowFormat::Png.write(&path, &flow).unwrap();
+        let png = ::image::load_from_memory(&std::fs::read(&path).unwrap()).unwrap();
+        assert_eq!(png.color(), ::image::ColorType::Rgb16);
+        let counts = png.into_rgb16().into_raw();
+        let expected: [[u16; 3]; 6] = [
+            [32_768, 32_768, 1],
+            [32_864, 32_640, 1],
+            [0, 0, 0],
+            [65_530, 32_768, 1],
+            [0, 0, 0],
+            [0, 32_784, 1],
+        ];
+        assert_eq!(counts, expected.as_flattened());
+        FlowFormat::Npy.write(&path, &flow).unwrap();
+        let npy = std::fs::read(&path).unwrap();
+        let header = String::from_utf8_lossy(&npy[10..128]);
+        assert!(header.contains("'shape': (2, 3, 2)") && npy.len() == 128 + 12 * 4, "{header}");
+        assert_eq!(npy[128 + 8..128 + 16], [1.5_f32.to_le_bytes(), (-2.0_f32).to_le_bytes()].concat());
     }
 
     #[test]

@@ -11,6 +11,7 @@
 
 mod atlas;
 pub mod benchmark;
+mod box_table;
 mod cells;
 mod context;
 mod daylight;
@@ -19,6 +20,7 @@ mod ego_occlusion;
 mod error;
 mod files;
 mod fleet;
+mod flow;
 mod frustum;
 mod geometry;
 mod gpu_timer;
@@ -45,10 +47,12 @@ mod threads;
 mod vehicle;
 pub mod video;
 
+pub use box_table::{BoxTable, BoxTableError};
 pub use context::{AdapterPreference, Context, TargetView};
 pub use daylight::Daylight;
 pub use error::RenderError;
-pub use files::PictureFormat;
+pub use files::{FlowFormat, PictureFormat};
+pub use flow::Motion;
 pub use image::{Image, Plane};
 pub use overlay::{Overlay, OverlayLine, OverlayPaint, OverlayTriangle};
 pub use picture_table::{PictureCamera, PictureRow, PictureTable, PictureTableError};
@@ -57,5 +61,5 @@ pub use readback::{MappedReadback, PendingReadback, read_texture};
 pub use renderer::Renderer;
 pub use request::{Pictures, RenderRequest};
 pub use settings::{FlatLight, Quality, Settings};
-pub use stream::{CaptureJob, PngStream};
+pub use stream::{CaptureJob, FlowJob, PngStream};
 pub use textures::BakedTextures;

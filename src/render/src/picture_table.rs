@@ -67,14 +67,34 @@ impl<'a> PictureRow<'a> {
         snapshot: &FrameSnapshot,
         view: &View,
     ) -> Self {
+        let kind = format.kind().name();
+        Self { scale: format.metres_per_value(), ..Self::of_kind((file, kind), taken_by, snapshot, view) }
+    }
+
+    /// The row of a file with the optical flow of a picture.
+    pub fn of_flow(
+        file: &'a str,
+        taken_by: PictureCamera<'a>,
+        snapshot: &FrameSnapshot,
+        view: &View,
+    ) -> Self {
+        Self::of_kind((file, "flow"), taken_by, snapshot, view)
+    }
+
+    fn of_kind(
+        (file, kind): (&'a str, &'static str),
+        taken_by: PictureCamera<'a>,
+        snapshot: &FrameSnapshot,
+        view: &View,
+    ) -> Self {
         let (p, q, k) = (view.extrinsics.position, view.extrinsics.orientation, taken_by.lens.intrinsics());
         let carrier = taken_by.vehicle.and_then(|id| snapshot.vehicle(id));
         let position = carrier.map(|state| state.position);
         let orientation = carrier.map(|state| state.orientation);
         Self {
             file,
-            kind: format.kind().name(),
-            scale: format.metres_per_value(),
+            kind,
+            scale: None,
             vehicle: taken_by.owner,
             camera: taken_by.camera,
             tick: snapshot.tick,

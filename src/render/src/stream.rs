@@ -1,12 +1,18 @@
 //! Pipelined writing of picture files: drawing, read-back and encoding overlap, with back-pressure on the caller.
 
 use super::grid::tile_bytes;
-use super::{PendingReadback, PictureFormat, RenderError, RenderRequest, Renderer};
+use super::{
+    FlowFormat, MappedReadback, Motion, PendingReadback, PictureFormat, Pictures, RenderError, RenderRequest,
+    Renderer,
+};
 use city3d_protocol::snapshot::FrameSnapshot;
-use city3d_sensors::{PictureKinds, View};
+use city3d_sensors::{PictureKind, PictureKinds, View};
 use std::collections::{BTreeMap, VecDeque};
 use std::path::PathBuf;
 use std::sync::{Arc, mpsc};
+
+/// What optical flow is computed from.
+const FLOW_KINDS: PictureKinds = PictureKinds::NONE.with(PictureKind::Depth).with(PictureKind::Instance);
 
 /// Limit of the bytes of pictures in flight, on the adapter or queued for an encoder; a larger batch goes alone.
 const MAX_BYTES_IN_FLIGHT: u64 = 384 << 20;
@@ -18,6 +24,45 @@ pub struct CaptureJob {
     pub view: View,
     /// Format and path of each file; a file that is there is replaced.
     pub files: Vec<(PictureFormat, PathBuf)>,
+    /// Optical flow since an earlier picture; its file is the last one.
+    pub flow: Option<FlowJob>,
+}
+
+/// A file of optical flow.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FlowJob {
+    /// What has moved since the earlier picture.
+    pub motion: Motion,
+    /// Format of the file.
+    pub format: FlowFormat,
+    /// Path of the file; one that is there is replaced.
+    pub path: PathBuf,
+}
+
+/// One file of a job.
+enum JobFile {
+    Picture(PictureFormat, PathBuf),
+    Flow(FlowJob),
+}
+
+impl JobFile {
+    /// Writes the file from the pictures of a view.
+    fn write(self, readback: &MappedReadback, index: usize) -> Result<(), RenderError> {
+        match self {
+            Self::Picture(PictureFormat::Rgb, path) => readback.write_png(index, &path),
+            Self::Picture(format, path) => {
+                format.write(&path, &readback.some_pictures(index, PictureKinds::NONE.with(format.kind())))
+            }
+            Self::Flow(FlowJob { motion, format, path }) => {
+                let Pictures { depth: Some(depth), instance: Some(instance), .. } =
+                    readback.some_pictures(index, FLOW_KINDS)
+                else {
+                    return Ok(());
+                };
+                format.write(&path, &motion.flow(&depth, &instance))
+            }
+        }
+    }
 }
 
 /// Bounded pipeline that writes picture files of each pushed snapshot. Drawing, read-back and encoding overlap. Pushing
@@ -82,10 +127,11 @@ impl<'a> PngStream<'a> {
         paths: Vec<PathBuf>,
     ) -> Result<(), RenderError> {
         assert_eq!(views.len(), paths.len(), "every view needs a path");
-        let jobs = views
-            .iter()
-            .zip(paths)
-            .map(|(&view, path)| CaptureJob { view, files: vec![(PictureFormat::Rgb, path)] });
+        let jobs = views.iter().zip(paths).map(|(&view, path)| CaptureJob {
+            view,
+            files: vec![(PictureFormat::Rgb, path)],
+            flow: None,
+        });
         self.push_jobs(snapshot, jobs.collect())
     }
 
@@ -154,7 +200,7 @@ impl<'a> PngStream<'a> {
         let readback = match self.renderer.wait(pending) {
             Ok(readback) => Arc::new(readback),
             Err(error) => {
-                for _ in jobs.iter().flat_map(|job| &job.files) {
+                for _ in 0..jobs.iter().map(CaptureJob::file_count).sum() {
                     self.outcomes.insert(self.queued, false);
                     self.queued += 1;
                 }
@@ -163,20 +209,14 @@ impl<'a> PngStream<'a> {
         };
         for (index, job) in jobs.into_iter().enumerate() {
             let bytes = tile_bytes(job.view.extent);
-            for (format, path) in job.files {
+            let files = job.files.into_iter().map(|(format, path)| JobFile::Picture(format, path));
+            for file in files.chain(job.flow.map(JobFile::Flow)) {
                 self.in_queue += 1;
                 let number = self.queued;
                 self.queued += 1;
                 let (readback, report) = (Arc::clone(&readback), self.report.clone());
                 rayon::spawn(move || {
-                    let result = match format {
-                        PictureFormat::Rgb => readback.write_png(index, &path),
-                        _ => {
-                            let pictures =
-                                readback.some_pictures(index, PictureKinds::NONE.with(format.kind()));
-                            format.write(&path, &pictures)
-                        }
-                    };
+                    let result = file.write(&readback, index);
                     // The last drop returns the staging buffer to its pool.
                     drop(readback);
                     // The receiver is gone if the stream was dropped with an error.
@@ -208,11 +248,17 @@ impl<'a> PngStream<'a> {
 
 impl CaptureJob {
     fn request(&self) -> RenderRequest {
-        RenderRequest { view: self.view, kinds: self.files.iter().map(|(format, _)| format.kind()).collect() }
+        let flow = self.flow.iter().flat_map(|_| FLOW_KINDS.iter());
+        let kinds = self.files.iter().map(|(format, _)| format.kind()).chain(flow).collect();
+        RenderRequest { view: self.view, kinds }
+    }
+
+    fn file_count(&self) -> usize {
+        self.files.len() + usize::from(self.flow.is_some())
     }
 
     /// Approximate memory of its pictures in flight.
     fn bytes(&self) -> u64 {
-        tile_bytes(self.view.extent) * self.files.len() as u64
+        tile_bytes(self.view.extent) * self.file_count() as u64
     }
 }

@@ -43,7 +43,7 @@ impl PictureKinds {
 
     /// The set with one more kind.
     #[must_use]
-    pub fn with(self, kind: PictureKind) -> Self {
+    pub const fn with(self, kind: PictureKind) -> Self {
         Self(self.0 | 1 << kind as u8)
     }
 

@@ -6,11 +6,13 @@
 
 #![allow(clippy::disallowed_methods, reason = "cameras draw; no state of a run depends on them")]
 
+mod bounding_box;
 mod kind;
 mod mount;
 mod projection;
 mod sensor;
 
+pub use bounding_box::{BoundingBox, PixelRect};
 pub use kind::{PictureKind, PictureKinds};
 pub use mount::{Camera, CameraError, Mount, MountPoint};
 pub use projection::{Extrinsics, Intrinsics, Lens, Projection, View};

@@ -173,13 +173,15 @@ impl View {
     /// near plane.
     pub fn project(&self, point: DVec3) -> Option<DVec2> {
         let clip = self.clip_from_world() * point.extend(1.0);
-        if clip.w <= 0.0 || clip.z > clip.w {
-            return None;
-        }
+        (clip.w > 0.0 && clip.z <= clip.w).then(|| self.pixel(clip))
+    }
+
+    /// The pixel of a point in clip coordinates; integers are pixel centres.
+    pub fn pixel(&self, clip: DVec4) -> DVec2 {
         let [width, height] = self.extent.map(f64::from);
         let x = (clip.x / clip.w + 1.0) / 2.0 * width - 0.5;
         let y = (1.0 - clip.y / clip.w) / 2.0 * height - 0.5;
-        Some(DVec2::new(x, y))
+        DVec2::new(x, y)
     }
 }
 

@@ -3,8 +3,8 @@
 use super::super::Failure;
 use super::super::overwrite::OverwriteArgs;
 use city3d_outputs::{OutputFolder, refuse_inputs};
-use city3d_render::PictureTable;
 use city3d_render::video::{VideoError, VideoOutput};
+use city3d_render::{BoxTable, PictureTable};
 use std::path::{Path, PathBuf};
 
 /// Extensions that are not written; they must not become folder names.
@@ -58,9 +58,10 @@ impl Destination {
     ) -> Result<ClaimedDestination, Failure> {
         match self {
             Self::Folder(folder) => {
-                refuse_inputs(inputs, [folder.join(PictureTable::FILE)])?;
+                let tables = [PictureTable::FILE, BoxTable::FILE];
+                refuse_inputs(inputs, tables.map(|table| folder.join(table)))?;
                 let locked = OutputFolder::open(folder)?;
-                overwrite.policy().check_files(folder, &[PictureTable::FILE])?;
+                overwrite.policy().check_files(folder, &tables)?;
                 Ok(ClaimedDestination::Folder(locked))
             }
             Self::Video(output) => {

@@ -1,6 +1,6 @@
 //! Options for the kinds of pictures, and their file formats.
 
-use city3d_render::PictureFormat;
+use city3d_render::{FlowFormat, PictureFormat};
 use city3d_sensors::{PictureKind, PictureKinds};
 use clap::{Args, ValueEnum};
 
@@ -18,6 +18,20 @@ pub(super) struct KindArgs {
     /// Write semantic pictures with a colour palette, whose indices are the classes
     #[arg(long)]
     palette: bool,
+    /// Write the optical flow of each picture since the one before of the same camera, too
+    #[arg(long, value_name = "FORMAT", num_args = 0..=1, require_equals = true, default_missing_value = "png")]
+    flow: Option<FlowArg>,
+    /// Write boxes.csv with the boxes of the vehicles in each picture, in 3D and in pixels
+    #[arg(long)]
+    pub(super) boxes: bool,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum FlowArg {
+    /// KITTI's PNG: 64 counts a pixel
+    Png,
+    /// NumPy file (.npy) of 32-bit floats in pixels, nan where the flow is not known
+    F32,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -62,6 +76,23 @@ impl KindArgs {
     /// The kinds of the command line, if it states some.
     pub(super) fn overrides(&self) -> Option<PictureKinds> {
         (!self.kind.is_empty()).then(|| self.kind.iter().copied().map(PictureKind::from).collect())
+    }
+
+    /// The format of optical flow, if it is wanted.
+    pub(super) fn flow_format(&self) -> Option<FlowFormat> {
+        self.flow.map(|flow| match flow {
+            FlowArg::Png => FlowFormat::Png,
+            FlowArg::F32 => FlowFormat::Npy,
+        })
+    }
+
+    /// What a video cannot hold, if something of it is wanted.
+    pub(super) fn beside_pictures(&self) -> Option<&'static str> {
+        match (self.flow, self.boxes) {
+            (Some(_), _) => Some("--flow"),
+            (None, true) => Some("--boxes"),
+            (None, false) => None,
+        }
     }
 
     pub(super) fn format(&self, kind: PictureKind) -> PictureFormat {
