@@ -112,18 +112,12 @@ fn emission(layer: u32, seed: u32, uv: vec2<f32>, texel: vec4<f32>) -> vec3<f32>
     return warm * (room * (0.6 + dice) * is_lit * frame.zenith.w);
 }
 
-// Alpha to coverage: leaf density sets the sample mask, so that the outline of a crown is ragged.
-struct Leaves {
-    @location(0) colour: vec4<f32>,
-    @builtin(sample_mask) mask: u32,
-}
-
 // Sizes of a pixel in metres between which leaves at the outline fade to a solid crown.
 const LEAVES_FADE: vec2<f32> = vec2<f32>(0.025, 0.055);
 
-// Alpha to coverage: the mask of samples that a leaf covers.
+// Alpha to coverage: the density of leaves sets how many samples they cover, so that the outline of a crown is ragged.
 @fragment
-fn crown_fragment(in: Fragment) -> Leaves {
+fn crown_fragment(in: Fragment) -> @location(0) vec4<f32> {
     let texel = textureSampleBias(surfaces, surface_sampler, in.uv, LEAVES, -0.5);
     let from_eye = in.world - view.eye.xyz;
     let distance = length(from_eye);
@@ -139,8 +133,7 @@ fn crown_fragment(in: Fragment) -> Leaves {
     let cover = clamp((0.35 * texel.g + 0.65 * sprays - least) * 12.0 + 0.5, 0.0, 1.0);
     let leaf = PbrMaterial(texel.rgb * in.colour.rgb, in.colour.a, texel.a, 0.0, 0.4);
     let seen = hdr_output(shade(leaf, in.world, normal, to_eye), vec3<f32>(0.0), from_eye);
-    // A pixel has four MSAA samples.
-    return Leaves(seen, (1u << u32(round(cover * 4.0))) - 1u);
+    return vec4<f32>(seen.rgb, cover);
 }
 
 @fragment

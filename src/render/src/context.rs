@@ -192,6 +192,9 @@ pub(super) fn filled_buffer(
 fn instance() -> wgpu::Instance {
     let mut descriptor = wgpu::InstanceDescriptor::new_without_display_handle();
     descriptor.backends = wgpu::Backends::PRIMARY;
+    // Validation layers of Debian 12 do not know the debugging data of shaders. WGPU_DEBUG and WGPU_VALIDATION choose otherwise.
+    descriptor.flags.remove(wgpu::InstanceFlags::DEBUG);
+    descriptor.flags = descriptor.flags.with_env();
     wgpu::Instance::new(descriptor)
 }
 

@@ -101,6 +101,24 @@ pub(crate) struct CityPassInput<'a> {
     pub(crate) has_instances: bool,
 }
 
+/// Share of the light of leaves that ambient occlusion may take, as stored in alpha.
+const CROWN_AMBIENT: f64 = 0.4;
+
+/// Colours replace what was there; alpha is [`CROWN_AMBIENT`], the blend constant, of what the leaves cover.
+const CROWN_BLEND: wgpu::BlendState = wgpu::BlendState {
+    color: wgpu::BlendComponent::REPLACE,
+    alpha: wgpu::BlendComponent {
+        src_factor: wgpu::BlendFactor::Constant,
+        dst_factor: wgpu::BlendFactor::Zero,
+        operation: wgpu::BlendOperation::Add,
+    },
+};
+
+/// Whether a fragment stage is that of crowns near the camera, whose leaves leave gaps.
+fn is_crown(fragment: &str) -> bool {
+    fragment == "crown_fragment"
+}
+
 impl CityPass {
     pub(crate) fn new(context: &crate::Context, attachments: Attachments, input: &CityPassInput<'_>) -> Self {
         let &CityPassInput { quality, frame_constants, constants, groups, textures, has_instances } = input;
@@ -157,7 +175,9 @@ impl CityPass {
                     constants: &constants,
                     topology: wgpu::PrimitiveTopology::TriangleList,
                     cull_back_faces: true,
-                    blend: None,
+                    // Alpha of leaves is what they cover; what is stored is their share of ambient light.
+                    blend: is_crown(entries[1]).then_some(CROWN_BLEND),
+                    alpha_to_coverage: is_crown(entries[1]),
                     write_depth: true,
                 },
             )
@@ -193,6 +213,7 @@ impl CityPass {
         visible: &VisibleRanges,
     ) {
         pass.set_bind_group(2, &self.surfaces, &[]);
+        pass.set_blend_constant(wgpu::Color { r: 0.0, g: 0.0, b: 0.0, a: CROWN_AMBIENT });
         pass.set_pipeline(&self.pipeline);
         static_scene.draw(pass, &visible.objects);
         if !visible.bucket.is_empty() {

@@ -37,6 +37,7 @@ impl ContactPass {
                     },
                     ..wgpu::BlendState::ALPHA_BLENDING
                 }),
+                alpha_to_coverage: false,
                 write_depth: false,
             },
         );

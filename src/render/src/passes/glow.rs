@@ -85,6 +85,7 @@ impl GlowPass {
                 topology: wgpu::PrimitiveTopology::TriangleStrip,
                 cull_back_faces: false,
                 blend: Some(wgpu::BlendState { color: add(dst_factor), alpha: keep }),
+                alpha_to_coverage: false,
                 write_depth: false,
             },
         );

@@ -114,6 +114,8 @@ pub(super) struct ScenePipelineState<'a> {
     pub(super) topology: wgpu::PrimitiveTopology,
     pub(super) cull_back_faces: bool,
     pub(super) blend: Option<wgpu::BlendState>,
+    /// Alpha says how many samples of a pixel are covered.
+    pub(super) alpha_to_coverage: bool,
     pub(super) write_depth: bool,
 }
 
@@ -151,7 +153,11 @@ pub(super) fn scene_pipeline(
             stencil: wgpu::StencilState::default(),
             bias: wgpu::DepthBiasState::default(),
         }),
-        multisample: wgpu::MultisampleState { count: attachments.samples, ..Default::default() },
+        multisample: wgpu::MultisampleState {
+            count: attachments.samples,
+            alpha_to_coverage_enabled: state.alpha_to_coverage,
+            ..Default::default()
+        },
         fragment: Some(wgpu::FragmentState {
             module,
             entry_point: Some(state.entries[1]),

@@ -44,6 +44,7 @@ impl SignalPass {
                 topology: wgpu::PrimitiveTopology::TriangleStrip,
                 cull_back_faces: false,
                 blend: None,
+                alpha_to_coverage: false,
                 write_depth: true,
             },
         );

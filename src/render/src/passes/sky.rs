@@ -93,6 +93,7 @@ impl SkyPass {
             topology: wgpu::PrimitiveTopology::TriangleList,
             cull_back_faces: false,
             blend: None,
+            alpha_to_coverage: false,
             write_depth: false,
         };
         let pipeline = scene_pipeline(device, attachments, &state);

@@ -61,6 +61,7 @@ impl VehiclePass {
                 topology: wgpu::PrimitiveTopology::TriangleList,
                 cull_back_faces: true,
                 blend: None,
+                alpha_to_coverage: false,
                 write_depth: true,
             },
         );
