@@ -74,6 +74,31 @@ fn line_coverage(at: vec2<f32>, across: f32) -> f32 {
     return clamp((at.y - at.x) / w + 0.5, 0.0, 1.0) - clamp((-at.y - at.x) / w + 0.5, 0.0, 1.0);
 }
 
+// How wet a surface is: rain stays on what is paved and level.
+fn wetness(layer: u32, up: f32) -> f32 {
+    let is_road = layer == ASPHALT || layer == LANE || layer == LINE || layer == PATCH || layer == MANHOLE;
+    let is_pavement = layer == SLABS || layer == SETTS || layer == CONCRETE;
+    return select(0.0, SHADOW_TEXEL.z * smoothstep(0.80, 0.97, up), is_road || is_pavement);
+}
+
+// Water in the pores darkens a surface, vertex-lit: colour and gloss.
+fn wet_material(m: Material, wet: f32) -> Material {
+    return Material(m.albedo * (1.0 - 0.45 * wet), max(m.gloss, 0.8 * wet), m.openness);
+}
+
+// Water fills the pores, and stands in puddles where the road is low.
+fn wet_pbr(m: PbrMaterial, world: vec3<f32>, wet: f32) -> PbrMaterial {
+    let broad = textureSampleLevel(surfaces, surface_sampler, world.xy * 0.017 + 0.11, ASPHALT, 1.0).g;
+    let puddle = smoothstep(PUDDLES.x, PUDDLES.y, broad);
+    var out = m;
+    out.albedo *= 1.0 - wet * (0.40 + 0.22 * puddle);
+    out.roughness = mix(m.roughness, 0.20 - 0.16 * puddle, wet);
+    return out;
+}
+
+// Brightness of the broad pattern of asphalt between which puddles begin.
+const PUDDLES: vec2<f32> = vec2<f32>(0.62, 0.70);
+
 // Emissive strength of name boards at night, times their colour.
 const BOARD_EMISSION: f32 = 0.55;
 
@@ -171,6 +196,10 @@ fn fragment_main(in: Fragment) -> @location(0) vec4<f32> {
     m.openness = in.colour.a;
     m.metallic = 0.0;
     m.translucent = select(0.0, 0.4, layer == LEAVES || layer == NEEDLES);
+    let wet = wetness(in.layer, normal.z);
+    if wet > 0.0 {
+        m = wet_pbr(m, in.world, wet);
+    }
     let from_eye = in.world - view.eye.xyz;
     let lit = shade(m, in.world, normal, -normalize(from_eye));
     var glow = emission(in.layer, wall_seed(in.seed, in.normal), in.uv, texel);
@@ -201,7 +230,8 @@ fn vertex_lit(in: VertexIn) -> VertexLit {
     let layer = in.material & 0xffu;
     let is_emissive = lamplit && layer == LETTERS;
     let glow = select(vec3<f32>(0.0), colour.rgb * (BOARD_EMISSION * frame.zenith.w), is_emissive);
-    var out = light_vertex(Material(colour.rgb, 0.0, colour.a), in.position, in.normal.xyz, glow);
+    let material = wet_material(Material(colour.rgb, 0.0, colour.a), wetness(layer, in.normal.z));
+    var out = light_vertex(material, in.position, in.normal.xyz, glow);
     out.uv = vec4<f32>(out.uv.xy, in.uv);
     out.layer = layer;
     if lamplit {
@@ -239,7 +269,7 @@ struct VertexLitLine {
 
 @vertex
 fn vertex_lit_line_vertex(in: VertexIn) -> VertexLitLine {
-    let white = Material(vec3<f32>(1.0), 0.0, in.colour.a);
+    let white = wet_material(Material(vec3<f32>(1.0), 0.0, in.colour.a), wetness(LINE, in.normal.z));
     let light = light_vertex(white, in.position, in.normal.xyz, vec3<f32>(0.0));
     return VertexLitLine(
         light.clip, light.ambient, light.direct, vec4<f32>(light.uv.xy, in.position.xy * 0.2),
@@ -266,7 +296,8 @@ fn untextured_of(in: VertexIn) -> Untextured {
         albedo *= mean.rgb * mean.rgb;
         glow = select(vec3<f32>(0.0), emission(layer, 0u, in.uv, mean), layer == LANTERN);
     }
-    return light_untextured(Material(albedo, 0.0, in.colour.a), in.position, in.normal.xyz, glow);
+    let material = wet_material(Material(albedo, 0.0, in.colour.a), wetness(layer, in.normal.z));
+    return light_untextured(material, in.position, in.normal.xyz, glow);
 }
 
 @vertex

@@ -11,7 +11,7 @@ struct Frame {
     // Colour of the fog; w: density per metre.
     haze: vec4<f32>,
     shadow_from_world: mat4x4<f32>,
-    // Size of a texel of the shadow map; x: in texture coordinates, y: in metres.
+    // Size of a texel of the shadow map; x: in texture coordinates, y: in metres. z: how wet the ground is, 0 to 1.
     shadow_texel: vec4<f32>,
     // Radiance of the sky at the zenith; w: brightness of lamps, 0 by day.
     zenith: vec4<f32>,

@@ -67,6 +67,44 @@ fn vertex_main(in: VertexIn) -> Fragment {
     return out;
 }
 
+// Half the length of a mirrored lamp along the road, as a share of the distance of the mirror image's place, and half its width.
+const STREAK_LENGTH: f32 = 0.30;
+const STREAK_WIDTH: f32 = 0.014;
+const STREAK_MIN_WIDTH_M: f32 = 0.22;
+// Height over the road, above its slope and wear, metres.
+const STREAK_HEIGHT_M: f32 = 0.04;
+
+// A wet road mirrors a lamp: around the place where the ray from the eye to the mirror image meets the road, drawn out
+// towards the eye by the roughness of the road (Fresnel term of water by Schlick 1994).
+@vertex
+fn mirrored_vertex(in: VertexIn) -> Fragment {
+    let corner = vec2<f32>(f32(in.corner & 1u), f32(in.corner >> 1u)) * 2.0 - 1.0;
+    let eye = view.eye.xyz;
+    let to_image = vec3<f32>(in.at.xy, -in.at.z) - eye;
+    let distance = max(length(to_image), 1e-3);
+    let road = eye + to_image * (eye.z / max(eye.z + in.at.z, 1e-3));
+    let from_lamp = normalize(road - in.at.xyz);
+    var beam = 1.0;
+    if in.colour.w > 0.0 {
+        let towards = max(dot(from_lamp, in.ahead.xyz), 0.0);
+        beam = 0.12 * towards + 0.88 * pow(towards, in.colour.w);
+    }
+    let grazing = 1.0 - clamp(-to_image.z / distance, 0.0, 1.0);
+    let squared = grazing * grazing;
+    let fresnel = 0.02 + 0.98 * squared * squared * grazing;
+    let clear = fog_transmittance(to_image, eye.z, frame.haze.w);
+    let reach = length(road.xy - eye.xy);
+    let ahead = (road.xy - eye.xy) / max(reach, 1e-3);
+    let along = ahead * (STREAK_LENGTH * reach * corner.y);
+    let across = vec2<f32>(-ahead.y, ahead.x) * (max(STREAK_WIDTH * reach, STREAK_MIN_WIDTH_M) * corner.x);
+    let is_mirrored = eye.z > STREAK_HEIGHT_M && in.at.z > 0.0;
+    var out: Fragment;
+    out.at = corner;
+    out.colour = in.colour.rgb * select(0.0, fresnel * beam * clear * frame.zenith.w * frame.shadow_texel.z, is_mirrored);
+    out.clip = view.clip_from_world * vec4<f32>(road.xy + along + across, STREAK_HEIGHT_M, 1.0);
+    return out;
+}
+
 // Radial falloff: steep at the centre, then slow, 0 at the rim.
 fn glow_of(in: Fragment) -> vec3<f32> {
     let far = min(dot(in.at, in.at), 1.0);

@@ -96,6 +96,7 @@ const CORPUS: &[(&str, usize, usize, &str)] = &[
     ("sensor_too_wide", 9, 22, "173.4 degrees from top to bottom; between 1 and 150 can be drawn"),
     ("sensor_without_kind", 6, 1, "kind is missing: what the sensor is, such as \"camera\""),
     ("syntax_error", 3, 8, "extra `=`, expected nothing"),
+    ("weather_of_no_kind", 3, 11, "it must be \"clear\", \"rain\" or \"fog\""),
     ("time_of_day_of_nowhere", 3, 15, "a time from 00:00 to 23:59, as in \"17:30\""),
     ("table_twice", 5, 2, "duplicate key; it is there already: keep one"),
     ("taken_by_default", 7, 1, "the name \"cav2\" is taken; choose another"),

@@ -6,6 +6,7 @@ use city3d_render::{
     Settings,
 };
 use city3d_scene::SceneDescription;
+use city3d_sensors::Weather;
 use city3d_session::pictures::{OpenRenderer, PictureError};
 use city3d_simulation::scenario::{Experiment, TimeOfDay};
 use clap::{Args, ValueEnum};
@@ -16,6 +17,9 @@ pub(super) struct LookArgs {
     /// Time of day: morning, noon, low_sun, dusk, night or a time such as 17:30 [default: the scenario's]
     #[arg(long, value_name = "TIME")]
     pub(super) time: Option<TimeOfDay>,
+    /// Weather: clear, rain or fog [default: the scenario's]
+    #[arg(long, value_name = "WEATHER")]
+    pub(super) weather: Option<Weather>,
     /// Rendering quality: high for viewing, low for many cameras without a GPU; auto chooses by the adapter
     #[arg(long)]
     pub(super) quality: Option<QualityArg>,
@@ -71,6 +75,7 @@ pub(super) fn open(
     (usual, pictures): (QualityArg, PictureCount),
 ) -> Result<Renderer, RenderError> {
     let time = args.time.unwrap_or(experiment.time_of_day);
+    let weather = args.weather.unwrap_or(experiment.weather);
     // Built in parallel: the scene takes as long as everything else.
     let prepared = || -> Result<_, RenderError> {
         let context = context(args, pictures)?;
@@ -82,7 +87,7 @@ pub(super) fn open(
             QualityArg::Auto => RenderQuality::auto(context.is_software),
         };
         let daylight = Daylight { hours: time.hours as f32 };
-        Ok((context, BakedTextures::new(Settings { quality, daylight, ..Settings::default() })))
+        Ok((context, BakedTextures::new(Settings { quality, daylight, weather, ..Settings::default() })))
     };
     let scene = || SceneDescription::with_models(&experiment.city_map, &experiment.models.placed);
     let (prepared, scene) = rayon::join(prepared, scene);

@@ -266,6 +266,7 @@ impl WindowArgs {
             adapter: self.look.adapter.as_deref().map(AdapterPreference::parse),
             quality: quality(self.look.quality),
             time: self.look.time,
+            weather: self.look.weather,
             size: self.size,
             is_fresh: self.fresh,
             at_s: self.picture.at,

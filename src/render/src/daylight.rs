@@ -75,6 +75,8 @@ pub(super) struct Light {
     pub(super) exposure: f32,
     /// Brightness of the lamps of streets, windows and cars: 0 off to 1.
     pub(super) lamps: f32,
+    /// Whether clouds or fog hide sun, moon and stars.
+    pub(super) is_overcast: bool,
 }
 
 /// Below this elevation of the sun the moon replaces it; at it neither gives light.
@@ -97,6 +99,7 @@ const KEY_FRAMES: [(f32, Light); 4] = [
             hills_srgb: [0.03, 0.04, 0.06],
             exposure: 0.82,
             lamps: 1.0,
+            is_overcast: false,
         },
     ),
     (
@@ -114,6 +117,7 @@ const KEY_FRAMES: [(f32, Light); 4] = [
             hills_srgb: [0.12, 0.13, 0.18],
             exposure: 1.0,
             lamps: 1.0,
+            is_overcast: false,
         },
     ),
     (
@@ -131,6 +135,7 @@ const KEY_FRAMES: [(f32, Light); 4] = [
             hills_srgb: [0.40, 0.42, 0.42],
             exposure: 1.20,
             lamps: 0.0,
+            is_overcast: false,
         },
     ),
     (
@@ -148,6 +153,7 @@ const KEY_FRAMES: [(f32, Light); 4] = [
             hills_srgb: [0.38, 0.50, 0.46],
             exposure: 0.64,
             lamps: 0.0,
+            is_overcast: false,
         },
     ),
 ];
@@ -177,6 +183,7 @@ fn interpolated(elevation_deg: f32) -> Light {
         hills_srgb: all(a.hills_srgb, b.hills_srgb),
         exposure: one(a.exposure, b.exposure),
         lamps: one(a.lamps, b.lamps),
+        is_overcast: false,
     }
 }
 

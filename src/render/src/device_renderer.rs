@@ -29,11 +29,11 @@ use super::static_scene::{
     CullContext, IndexLists, PreparedGeometry, StaticScene, TextureDetail, VisibleRanges,
 };
 use super::textures::BakedTextures;
-use super::{Context, RenderError, Settings, TargetView};
+use super::{Context, RenderError, Settings, TargetView, weather};
 use city3d_models::Model;
 use city3d_protocol::snapshot::{BodyType, FrameSnapshot};
 use city3d_scene::SceneDescription;
-use city3d_sensors::{PictureKind, View};
+use city3d_sensors::{PictureKind, View, Weather};
 use glam::{DMat4, DVec3, Vec3};
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -137,7 +137,7 @@ impl DeviceRenderer {
         };
         let lamps = LampPass::new(device, &frame.layout, scene, (lamp_texels, !vertex_lit));
         let light = LightBindGroup::new(context, &shadow.map, &lamps.map_view, &textures.sky_map(context));
-        let frame_constants = constant_frame(daylight, &sun_view, quality.shadow_texels, lamps.uv_from_world);
+        let frame_constants = constant_frame(daylight, &sun_view, &settings, lamps.uv_from_world);
         let groups = [&frame.layout, &light.layout];
         let mut renderer = Self {
             city: CityPass::new(
@@ -155,7 +155,10 @@ impl DeviceRenderer {
             vehicles: VehiclePass::new(device, attachments, (&frame_constants, &constants), groups),
             contact: ContactPass::new(device, attachments, &frame.layout),
             sky: SkyPass::new(context, attachments, textures, groups),
-            glow: lamplit.then(|| GlowPass::new(device, attachments, &frame.layout, &scene.lamps)),
+            glow: lamplit.then(|| {
+                let is_wet = settings.weather == Weather::Rain;
+                GlowPass::new(device, attachments, &frame.layout, (&scene.lamps, is_wet))
+            }),
             signals: (!scene.signals.is_empty())
                 .then(|| SignalPass::new(device, attachments, &frame.layout, &scene.signals)),
             post_process: (!vertex_lit)
@@ -547,22 +550,28 @@ fn frustum_corner_rays(eye: DVec3, clip_from_world: &DMat4) -> [Vec3; 4] {
     })
 }
 
+/// Density of the fog at the ground in clear weather.
+const CLEAR_FOG_DENSITY: f32 = 1.0 / 520.0;
+
 /// Uniforms of the frame that do not change: all but the time.
 fn constant_frame(
     light: &Light,
     sun_view: &SunView,
-    shadow_texels: u32,
+    settings: &Settings,
     lamp_uv_from_world: [f32; 4],
 ) -> gpu_data::Frame {
+    let shadow_texels = settings.quality.shadow_texels;
+    // Flat light is that of a neutral scene.
+    let weather = if settings.flat.is_some() { Weather::Clear } else { settings.weather };
     let with = |[r, g, b]: [f32; 3], w: f32| [r, g, b, w];
     gpu_data::Frame {
         to_sun: light.to_sun.extend(0.0).to_array(),
         sun: with(light.sun, light.exposure),
         sky_light: with(light.sky, 0.0),
         ground_light: with(light.ground, 0.0),
-        haze: with(light.radiance_of(light.haze_srgb), 1.0 / 520.0),
+        haze: with(light.radiance_of(light.haze_srgb), weather::fog_density(weather, CLEAR_FOG_DENSITY)),
         shadow_from_world: sun_view.shadow_from_world.to_cols_array_2d(),
-        shadow_texel: [1.0 / shadow_texels as f32, sun_view.texel_m, 0.0, 0.0],
+        shadow_texel: [1.0 / shadow_texels as f32, sun_view.texel_m, weather::wetness(weather), 0.0],
         zenith: with(light.zenith, light.lamps),
         lamp_uv_from_world,
     }

@@ -46,6 +46,7 @@ mod textures;
 mod threads;
 mod vehicle;
 pub mod video;
+mod weather;
 
 pub use box_table::{BoxTable, BoxTableError};
 pub use context::{AdapterPreference, Context, TargetView};

@@ -1,6 +1,8 @@
 //! Renderer settings: quality presets, time of day, pixel format of targets.
 
-use super::Daylight;
+use super::daylight::Light;
+use super::{Daylight, weather};
+use city3d_sensors::Weather;
 use glam::Vec3;
 
 /// Quality settings: shading, MSAA, texture filtering, shadow map, SSAO, level of detail.
@@ -99,6 +101,8 @@ pub struct Settings {
     pub quality: Quality,
     /// Time of day: sun, moon, sky and lamps.
     pub daylight: Daylight,
+    /// Clouds, fog, and wet ground.
+    pub weather: Weather,
     /// Replaces the light of the time of day; needs [`Quality::vertex_lit`].
     pub flat: Option<FlatLight>,
     /// Pixel format of the targets of [`super::Renderer::draw`] with [`Quality::vertex_lit`] (without the suffix sRGB:
@@ -108,11 +112,19 @@ pub struct Settings {
     pub batch_bytes: u64,
 }
 
+impl Settings {
+    /// Light of the time of day in the weather.
+    pub(super) fn light(&self) -> Light {
+        weather::light_in(self.weather, self.daylight.light())
+    }
+}
+
 impl Default for Settings {
     fn default() -> Self {
         Self {
             quality: Quality::HIGH,
             daylight: Daylight::default(),
+            weather: Weather::Clear,
             flat: None,
             format: wgpu::TextureFormat::Rgba8UnormSrgb,
             batch_bytes: 192 << 20,

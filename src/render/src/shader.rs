@@ -172,6 +172,9 @@ fn surface_constants() -> String {
         ("LANTERN", Surface::Lantern),
         ("BOUTIQUE", Surface::Boutique),
         ("TEAROOM", Surface::Tearoom),
+        ("SLABS", Surface::Slabs),
+        ("SETTS", Surface::Setts),
+        ("CONCRETE", Surface::Concrete),
     ];
     let [r, g, b] = ASPHALT.colour.map(linear_from_srgb);
     layers.map(|(name, surface)| format!("const {name}: u32 = {}u;\n", surface as u32)).concat()

@@ -41,7 +41,7 @@ pub struct BakedTextures {
 impl BakedTextures {
     /// Makes all textures for these settings.
     pub fn new(settings: Settings) -> Self {
-        let light = settings.flat.map_or_else(|| settings.daylight.light(), FlatLight::light);
+        let light = settings.flat.map_or_else(|| settings.light(), FlatLight::light);
         let vertex_lit = settings.quality.vertex_lit;
         let surfaces = || {
             let levels = |layer| mipmaps(patterns::pattern(layer, SIZE), SIZE);

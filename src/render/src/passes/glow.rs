@@ -39,6 +39,8 @@ const STREET_LAMP_COLOUR: [f32; 4] = [1.30, 0.98, 0.58, 0.0];
 #[derive(Debug)]
 pub(crate) struct GlowPass {
     pipeline: wgpu::RenderPipeline,
+    /// Of the mirror images on wet roads.
+    mirrored: Option<wgpu::RenderPipeline>,
     lamps: wgpu::Buffer,
     lamp_count: u32,
     vehicles: wgpu::Buffer,
@@ -49,12 +51,12 @@ pub(crate) struct GlowPass {
 }
 
 impl GlowPass {
-    /// With street lamps at these positions.
+    /// With street lamps at these positions, mirrored where the roads are wet.
     pub(crate) fn new(
         device: &wgpu::Device,
         attachments: Attachments,
         frame: &wgpu::BindGroupLayout,
-        lamps: &[Vec3],
+        (lamps, is_wet): (&[Vec3], bool),
     ) -> Self {
         let add = |dst_factor| wgpu::BlendComponent {
             src_factor: wgpu::BlendFactor::One,
@@ -72,23 +74,26 @@ impl GlowPass {
         } else {
             ("fragment_main", wgpu::BlendFactor::One)
         };
-        let pipeline = scene_pipeline(
-            device,
-            attachments,
-            &ScenePipelineState {
-                shader: Shader::Glow,
-                module: &Shader::Glow.module(device, None),
-                entries: ["vertex_main", entry],
-                groups: &[Some(frame)],
-                buffers: &[Some(gpu_data::LAYOUT)],
-                constants: &[],
-                topology: wgpu::PrimitiveTopology::TriangleStrip,
-                cull_back_faces: false,
-                blend: Some(wgpu::BlendState { color: add(dst_factor), alpha: keep }),
-                alpha_to_coverage: false,
-                write_depth: false,
-            },
-        );
+        let module = Shader::Glow.module(device, None);
+        let pipeline = |vertex| {
+            scene_pipeline(
+                device,
+                attachments,
+                &ScenePipelineState {
+                    shader: Shader::Glow,
+                    module: &module,
+                    entries: [vertex, entry],
+                    groups: &[Some(frame)],
+                    buffers: &[Some(gpu_data::LAYOUT)],
+                    constants: &[],
+                    topology: wgpu::PrimitiveTopology::TriangleStrip,
+                    cull_back_faces: false,
+                    blend: Some(wgpu::BlendState { color: add(dst_factor), alpha: keep }),
+                    alpha_to_coverage: false,
+                    write_depth: false,
+                },
+            )
+        };
         let street = |lamp: &Vec3| Glow {
             at: lamp.extend(STREET_LAMP_RADIUS_M).to_array(),
             colour: STREET_LAMP_COLOUR,
@@ -96,7 +101,8 @@ impl GlowPass {
         };
         let street: Vec<Glow> = lamps.iter().map(street).collect();
         Self {
-            pipeline,
+            pipeline: pipeline("vertex_main"),
+            mirrored: is_wet.then(|| pipeline("mirrored_vertex")),
             lamp_count: street.len() as u32,
             lamps: device.create_buffer_init(&wgpu::util::BufferInitDescriptor {
                 label: Some("glow of street lamps"),
@@ -133,7 +139,13 @@ impl GlowPass {
 
     /// Draws glows over everything else of a view. The caller has set bind group 0.
     pub(crate) fn draw(&self, pass: &mut wgpu::RenderPass<'_>, visible: &[VisibleVehicle]) {
-        pass.set_pipeline(&self.pipeline);
+        for pipeline in self.mirrored.iter().chain([&self.pipeline]) {
+            pass.set_pipeline(pipeline);
+            self.draw_all(pass, visible);
+        }
+    }
+
+    fn draw_all(&self, pass: &mut wgpu::RenderPass<'_>, visible: &[VisibleVehicle]) {
         if self.lamp_count > 0 {
             pass.set_vertex_buffer(0, self.lamps.slice(..));
             pass.draw(0..4, 0..self.lamp_count);

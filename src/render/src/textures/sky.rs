@@ -157,11 +157,14 @@ fn night_of(light: &Light) -> f32 {
     ((0.16 - light.zenith_srgb[2]) / 0.08).clamp(0.0, 1.0)
 }
 
-/// Disc of sun or moon as triangles: directions of corners, displayed colour. Geometry is sharper than the texels of
-/// the panorama.
+/// Disc of sun or moon as triangles: directions of corners, displayed colour; none behind clouds. Geometry is sharper than
+/// the texels of the panorama.
 pub(crate) fn disc(light: &Light) -> Vec<(Vec3, [f32; 3])> {
     const SIDES: u32 = 40;
     const RADIUS_RAD: f32 = 0.0115;
+    if light.is_overcast {
+        return Vec::new();
+    }
     let shown = if night_of(light) > 0.5 { [0.93, 0.94, 0.90] } else { [1.0, 1.0, 0.97] };
     let (right, up) = light.to_sun.any_orthonormal_pair();
     let rim = |k: u32| {
@@ -175,7 +178,7 @@ pub(crate) fn disc(light: &Light) -> Vec<(Vec3, [f32; 3])> {
 pub(crate) fn stars(light: &Light) -> Vec<(Vec3, [f32; 3])> {
     const COUNT: i32 = 1400;
     let night = night_of(light);
-    if night == 0.0 {
+    if night == 0.0 || light.is_overcast {
         return Vec::new();
     }
     let star = |k: i32| {

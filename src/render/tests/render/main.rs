@@ -15,3 +15,4 @@ mod kinds;
 mod light;
 mod overlay;
 mod signals;
+mod weather;

@@ -17,7 +17,7 @@ use city3d_dynamics::vehicle::{ModelKind, VehicleSpec};
 use city3d_geometry::{Lab, LengthScale, Pose2, trig};
 use city3d_protocol::snapshot::{Appearance, Dimensions, Setup, VehicleId};
 use city3d_roadmap::{CityMap, LabMap, LaneId};
-use city3d_sensors::Sensor;
+use city3d_sensors::{Sensor, Weather};
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
@@ -224,6 +224,8 @@ pub struct Experiment {
     pub testbed: EnvironmentSpec,
     /// Affects rendering only.
     pub time_of_day: TimeOfDay,
+    /// Affects rendering only.
+    pub weather: Weather,
     /// A vehicle without a trajectory for this time stops on its path.
     pub link_timeout_s: f64,
     /// What makes a run fail.

@@ -9,7 +9,7 @@ use super::read_platoon::read_platoons;
 use super::read_settings::{NamedSettings, read_environment, read_rates, read_right_of_way};
 use super::read_signals::{check_room_before_signals, read_all_way_stops, read_signals};
 use super::source::LARGEST_SCENARIO_BYTES;
-use super::time_of_day::read_time_of_day;
+use super::time_of_day::{read_time_of_day, read_weather};
 use super::{ChangeError, Library, MovedStart, ScenarioChange, SourceError, placement, with_changes};
 use crate::environment::EnvironmentProfile;
 use city3d_dynamics::vehicle::ModelKind;
@@ -408,6 +408,7 @@ impl ScenarioReader<'_> {
             environment,
             testbed,
             time_of_day: read_time_of_day(root),
+            weather: read_weather(root),
             link_timeout_s,
             expectations: Expectations { collisions_forbidden },
             models: UserModels::default(),

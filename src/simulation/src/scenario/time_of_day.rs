@@ -1,6 +1,7 @@
-//! Time of day of a scenario, which sets the sun in images.
+//! Time of day and weather of a scenario, which images show.
 
 use super::fields::TableFields;
+use city3d_sensors::Weather;
 use std::str::FromStr;
 
 /// Local time.
@@ -51,6 +52,15 @@ pub fn read_time_of_day(root: &TableFields<'_, '_>) -> TimeOfDay {
     text.parse().unwrap_or_else(|remedy| {
         root.wrong("time_of_day", format!("time_of_day is \"{text}\"; {remedy}"));
         TimeOfDay::default()
+    })
+}
+
+/// Reads the weather; clear where it is missing or wrong.
+pub fn read_weather(root: &TableFields<'_, '_>) -> Weather {
+    let Some(text) = root.string("weather") else { return Weather::default() };
+    text.parse().unwrap_or_else(|remedy| {
+        root.wrong("weather", format!("weather is \"{text}\"; {remedy}"));
+        Weather::default()
     })
 }
 

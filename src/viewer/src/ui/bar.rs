@@ -6,6 +6,7 @@ use super::{
     CityKind, DecimalSeparator, EditAction, Look, QualityPreset, ScenarioChoice, UiAction, UiState,
     ViewModel, commands, theme,
 };
+use city3d_sensors::Weather;
 use city3d_session::{Order, RunPhase, Speed};
 use egui::{Button, ComboBox, RichText, Ui};
 use std::path::Path;
@@ -388,7 +389,7 @@ fn look(ui: &mut Ui, state: &mut UiState, actions: &mut Vec<UiAction>) {
         .response
         .on_hover_text("Quality of the pictures: low for machines without a GPU");
     ComboBox::from_id_salt("time")
-        .selected_text(time_label(state.look.hours))
+        .selected_text(state.look.light())
         .width(TIME)
         .truncate()
         .show_ui(ui, |ui| {
@@ -396,9 +397,13 @@ fn look(ui: &mut Ui, state: &mut UiState, actions: &mut Vec<UiAction>) {
                 ui.selectable_value(&mut state.look.hours, hours, label);
             }
             any_time(ui, state);
+            ui.separator();
+            for weather in Weather::ALL {
+                ui.selectable_value(&mut state.look.weather, weather, weather.name());
+            }
         })
         .response
-        .on_hover_text("Time of day");
+        .on_hover_text("Time of day and weather");
     if state.look != before {
         actions.push(UiAction::Look(state.look));
     }
@@ -434,7 +439,18 @@ pub(super) fn time_label(hours: f64) -> String {
 impl Look {
     /// In words.
     pub fn label(&self) -> String {
-        format!("{}, {}", self.preset.label(), time_label(self.hours))
+        format!("{}, {}", self.preset.label(), self.light())
+    }
+
+    /// Takes over time of day and weather of another look.
+    pub fn show_light_of(&mut self, other: Self) {
+        (self.hours, self.weather) = (other.hours, other.weather);
+    }
+
+    /// Time of day, and the weather unless it is clear.
+    fn light(&self) -> String {
+        let time = time_label(self.hours);
+        if self.weather == Weather::Clear { time } else { format!("{time}, {}", self.weather.name()) }
     }
 }
 

@@ -80,6 +80,7 @@ pub use views::{MORE_VIEWS, MoreViews};
 use crate::cockpit::Devices;
 use city3d_protocol::snapshot::{FrameSnapshot, VehicleId};
 use city3d_render::Overlay;
+use city3d_sensors::Weather;
 use city3d_session::Order;
 use city3d_session::playback::PlaybackCommand;
 use serde::{Deserialize, Serialize};
@@ -154,13 +155,16 @@ impl QualityPreset {
     }
 }
 
-/// Appearance of the pictures: quality and time of day.
+/// Appearance of the pictures: quality, time of day and weather.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Look {
     /// Quality preset of the city's renderer.
     pub preset: QualityPreset,
     /// Local time from midnight.
     pub hours: f64,
+    /// Weather.
+    #[serde(default)]
+    pub weather: Weather,
 }
 
 /// The selected vehicle.

@@ -452,10 +452,10 @@ impl OpenWindow {
         let look = self.viewer.state.look;
         let request = match request {
             WindowRequest::Open(opening) => {
-                let hours = self.painter.look().hours;
+                let Look { hours, weather, .. } = self.painter.look();
                 let shown = ShownCity {
                     experiment: Arc::clone(self.viewer.experiment()),
-                    look: Look { hours, ..look },
+                    look: Look { hours, weather, ..look },
                 };
                 LoadRequest::Open(opening, shown)
             }
@@ -485,12 +485,12 @@ impl OpenWindow {
                     if starts {
                         self.viewer.send(Order::Start);
                     }
-                    self.viewer.state.look.hours = loaded.look.hours;
+                    self.viewer.state.look.show_light_of(loaded.look);
                 }
                 Some(Opened::Log(log, player)) => {
                     self.viewer.enter_log(&log, *player, now_s);
                     guard_session(self.viewer.stopper());
-                    self.viewer.state.look.hours = loaded.look.hours;
+                    self.viewer.state.look.show_light_of(loaded.look);
                 }
                 None => {}
             }

@@ -127,7 +127,8 @@ fn load(
         }
     };
     let hours = opening.hours.unwrap_or(experiment.time_of_day.hours);
-    let look = Look { hours, ..shown.look };
+    let weather = opening.weather.unwrap_or(experiment.weather);
+    let look = Look { hours, weather, ..shown.look };
     let is_shown = look == shown.look && have_same_scene(&experiment, &shown.experiment);
     let city = if is_shown { None } else { Some(painter::renderer(context, &experiment, look)?) };
     Ok(LoadedView { opened: Some(opened), look, city })
@@ -158,6 +159,7 @@ pub(super) fn software_context() -> Option<Context> {
 mod tests {
     use super::*;
     use crate::ui::QualityPreset;
+    use city3d_sensors::Weather;
     use std::time::{Duration, Instant};
 
     fn finish(request: LoadRequest, context: &Context) -> (Duration, Result<LoadedView, WindowError>) {
@@ -176,7 +178,7 @@ mod tests {
     #[test]
     fn another_scenario_is_loaded_while_nobody_waits_and_a_wrong_one_is_told() {
         let Some(context) = software_context() else { return };
-        let look = Look { preset: QualityPreset::Low, hours: 3.0 };
+        let look = Look { preset: QualityPreset::Low, hours: 3.0, weather: Weather::Rain };
         let args = |name: &str| ScenarioRequest { scenario: name.to_owned(), ..ScenarioRequest::default() };
         let shown = ShownCity { experiment: read(&args("merge")).unwrap(), look };
         let open = |name: &str, shown: &ShownCity| {
@@ -188,6 +190,7 @@ mod tests {
         assert!(begun * 4 < start.elapsed(), "{begun:?} of {:?}", start.elapsed());
         let Some(Opened::Scenario(_, experiment, false)) = loaded.opened else { panic!("a scenario") };
         assert_eq!((experiment.name.as_str(), loaded.look.hours), ("straight", 12.0));
+        assert_eq!(loaded.look.weather, Weather::Clear, "that of the scenario");
         assert!(loaded.city.is_some());
         let shown = ShownCity { experiment: Arc::clone(&experiment), look: loaded.look };
         let (_, outcome) = finish(LoadRequest::Look(experiment, look), &context);

@@ -29,6 +29,7 @@ pub use recording::{LogLocation, RecordedRun};
 
 use crate::ui::{CameraMode, CityKind, Look, QualityPreset, Theme};
 use city3d_render::{AdapterPreference, Context};
+use city3d_sensors::Weather;
 use city3d_session::playback::Player;
 use city3d_session::{SessionError, SessionHandle, Speed};
 use city3d_simulation::scenario::{Experiment, ScenarioRequest, TimeOfDay};
@@ -116,6 +117,8 @@ pub struct WindowOptions {
     pub quality: QualityChoice,
     /// Time of day; by default the scenario's.
     pub time: Option<TimeOfDay>,
+    /// Weather; by default the scenario's.
+    pub weather: Option<Weather>,
     /// Pixels; by default the last one.
     pub size: Option<[u32; 2]>,
     /// Stored settings are neither read nor written.
@@ -186,14 +189,14 @@ impl WindowSubject {
         let mut viewer = match self {
             Self::Scenario(subject) => subject.viewer(options, context, settings, recording)?,
             Self::City(subject) => {
-                let look = options.look(context, settings, subject.experiment.time_of_day);
+                let look = options.look(context, settings, &subject.experiment);
                 let session = subject.take().ok_or(WindowError::End(SessionError::Ended))?;
                 ViewerState::on_city(session, subject, look, recording)
             }
             Self::Log(log) => {
                 let on_update = Arc::clone(&recording.on_update);
                 let player = Player::open(log, Box::new(move || on_update()))?;
-                let look = options.look(context, settings, player.experiment().time_of_day);
+                let look = options.look(context, settings, player.experiment());
                 ViewerState::on_log(player, log.display().to_string(), look, recording)
             }
         };
@@ -231,7 +234,7 @@ impl ScenarioSubject {
         recording: RecordingOptions,
     ) -> Result<ViewerState, WindowError> {
         let experiment = loading::read(&self.request)?;
-        let look = options.look(context, settings, experiment.time_of_day);
+        let look = options.look(context, settings, &experiment);
         ViewerState::new(self.request.clone(), experiment, look, recording)
     }
 }
@@ -245,13 +248,17 @@ impl WindowOptions {
         if self.is_fresh { ViewSettings::default() } else { ViewSettings::load() }
     }
 
-    fn look(&self, context: &Context, settings: &ViewSettings, usual: TimeOfDay) -> Look {
+    fn look(&self, context: &Context, settings: &ViewSettings, usual: &Experiment) -> Look {
         let of_the_adapter = if context.is_software { QualityPreset::Low } else { QualityPreset::High };
         let preset = match self.quality {
             QualityChoice::Stored => settings.preset.unwrap_or(of_the_adapter),
             QualityChoice::Auto => of_the_adapter,
             QualityChoice::Preset(preset) => preset,
         };
-        Look { preset, hours: self.time.unwrap_or(usual).hours }
+        Look {
+            preset,
+            hours: self.time.unwrap_or(usual.time_of_day).hours,
+            weather: self.weather.unwrap_or(usual.weather),
+        }
     }
 }

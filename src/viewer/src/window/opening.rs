@@ -2,6 +2,7 @@
 
 use crate::ui::runs::{EntryKind, OpenRequest, has_run, kind_of};
 use city3d_logbook::record::is_log;
+use city3d_sensors::Weather;
 use city3d_simulation::scenario::{ScenarioRequest, shipped_scenarios};
 use std::path::{Path, PathBuf};
 
@@ -12,6 +13,8 @@ pub struct Opening {
     pub target: OpenTarget,
     /// Time of day; by default the scenario's.
     pub hours: Option<f64>,
+    /// Weather; by default the scenario's.
+    pub weather: Option<Weather>,
     /// The run starts at once.
     pub starts: bool,
 }
@@ -26,9 +29,9 @@ pub enum OpenTarget {
 }
 
 impl Opening {
-    /// A scenario that waits for its start, at its own time of day.
+    /// A scenario that waits for its start, in its own light.
     pub fn scenario(request: ScenarioRequest) -> Self {
-        Self { target: OpenTarget::Scenario(request), hours: None, starts: false }
+        Self { target: OpenTarget::Scenario(request), hours: None, weather: None, starts: false }
     }
 
     /// What a request names.
@@ -37,7 +40,7 @@ impl Opening {
     /// Why it cannot be opened, and what can be.
     pub fn of(request: &OpenRequest) -> Result<Self, String> {
         let target = target(request)?;
-        Ok(Self { target, hours: request.hours, starts: request.starts })
+        Ok(Self { target, hours: request.hours, weather: None, starts: request.starts })
     }
 
     /// Its name for the user.

@@ -267,7 +267,7 @@ pub fn renderer(context: &Context, experiment: &Experiment, look: Look) -> Resul
         QualityPreset::Ultra => Quality::ULTRA,
     };
     let daylight = Daylight { hours: look.hours as f32 };
-    let settings = Settings { quality, daylight, ..Settings::default() };
+    let settings = Settings { quality, daylight, weather: look.weather, ..Settings::default() };
     // Side by side: each takes as long as the other.
     let (baked, scene) = rayon::join(
         || BakedTextures::new(settings),
@@ -284,6 +284,7 @@ mod tests {
     use super::*;
     use crate::ui::Viewpoint;
     use city3d_sensors::PictureKind;
+    use city3d_sensors::Weather;
     use city3d_simulation::runner::Run;
     use city3d_simulation::scenario::ScenarioRequest;
 
@@ -303,7 +304,7 @@ mod tests {
         let Some(context) = software_context() else { return };
         let request = ScenarioRequest { scenario: "straight".to_owned(), ..ScenarioRequest::default() };
         let experiment = loading::read(&request).unwrap();
-        let look = Look { preset: QualityPreset::Low, hours: 12.0 };
+        let look = Look { preset: QualityPreset::Low, hours: 12.0, weather: Weather::Clear };
         let mut painter = WindowPainter::new(context, &experiment, look, FORMAT).unwrap();
         let extent = [320, 120];
         let memory = painter.memory(extent);

@@ -2,9 +2,10 @@
 
 use super::desk::{Desk, EditedFile, Recording, fleet, harness, press};
 use city3d_protocol::snapshot::{EventKind, VehicleId};
+use city3d_sensors::Weather;
 use city3d_session::playback::Playhead;
 use city3d_session::{Order, RunPhase, Speed};
-use city3d_viewer::ui::{CameraMode, Command, KeyMap, ManualDrive, SECTIONS, TimelineRange, UiAction};
+use city3d_viewer::ui::{CameraMode, Command, KeyMap, Look, ManualDrive, SECTIONS, TimelineRange, UiAction};
 use egui::{Key, Modifiers};
 use egui_kittest::Harness;
 use egui_kittest::kittest::Queryable;
@@ -102,6 +103,8 @@ fn the_palette_finds_vehicles_speeds_and_scenarios_by_their_names() {
     assert_eq!(chosen("select car7"), (Some(VehicleId(7)), Vec::new()));
     assert_eq!(chosen("run at 5x"), (None, vec![UiAction::Order(Order::Speed(Speed::Times(5.0)))]));
     assert_eq!(chosen("scenario city"), (None, vec![UiAction::Scenario("city".to_owned())]));
+    let (_, actions) = chosen("weather rain");
+    assert!(matches!(actions[..], [UiAction::Look(Look { weather: Weather::Rain, .. })]), "{actions:?}");
 }
 
 #[test]

@@ -6,6 +6,7 @@ use city3d_protocol::snapshot::{
 };
 use city3d_roadmap::{CityMap, LaneId};
 use city3d_scene::Wall;
+use city3d_sensors::Weather;
 use city3d_session::playback::{Playhead, TimelineMark};
 use city3d_session::{RunHistory, RunPhase, RunState};
 use city3d_simulation::scenario::{Experiment, Library, Overrides, StatedVehicle, read_experiment};
@@ -153,7 +154,7 @@ impl Desk {
         let now = Arc::new(now);
         let ids = || now.vehicles.iter().map(|v| v.id);
         let steering_geometry = SteeringGeometry { wheelbase_m: 3.0, steering_limit_rad: 0.7 };
-        let look = Look { preset: QualityPreset::Low, hours: 12.0 };
+        let look = Look { preset: QualityPreset::Low, hours: 12.0, weather: Weather::Clear };
         // A test opens the previews that it looks at.
         let mut state = UiState::new(&now, look);
         state.opens_preview = false;

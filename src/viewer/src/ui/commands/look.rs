@@ -1,7 +1,8 @@
-//! Actions on the appearance: theme, size, units, quality and time of day.
+//! Actions on the appearance: theme, size, units, quality, time of day and weather.
 
 use super::{Command, CommandContext, ctrl, registry};
 use crate::ui::{DecimalSeparator, Preferences, QualityPreset, SpeedUnit, StatusColours, Theme, UiAction};
+use city3d_sensors::Weather;
 use egui::Key;
 
 registry!(
@@ -45,6 +46,9 @@ registry!(
     LOW_SUN = Command::always("Time of day: low sun", &[], |c| time(c, 16.5)),
     DUSK = Command::always("Time of day: dusk", &[], |c| time(c, 17.6)),
     NIGHT = Command::always("Time of day: night", &[], |c| time(c, 22.0)),
+    CLEAR = Command::always("Weather: clear", &[], |c| weather(c, Weather::Clear)),
+    RAIN = Command::always("Weather: rain", &[], |c| weather(c, Weather::Rain)),
+    FOG = Command::always("Weather: fog", &[], |c| weather(c, Weather::Fog)),
 );
 
 fn unit(context: &mut CommandContext<'_, '_>, unit: SpeedUnit) {
@@ -58,5 +62,10 @@ fn quality(context: &mut CommandContext<'_, '_>, preset: QualityPreset) {
 
 fn time(context: &mut CommandContext<'_, '_>, hours: f64) {
     context.state.look.hours = hours;
+    context.actions.push(UiAction::Look(context.state.look));
+}
+
+fn weather(context: &mut CommandContext<'_, '_>, weather: Weather) {
+    context.state.look.weather = weather;
     context.actions.push(UiAction::Look(context.state.look));
 }

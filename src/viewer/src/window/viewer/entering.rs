@@ -67,16 +67,26 @@ impl ViewerState {
     pub(super) fn replay(&mut self, now_s: f64) -> Option<WindowRequest> {
         let log = log_in(self.run_state().folder.as_deref()?);
         self.end_session(now_s);
-        let hours = Some(self.state.look.hours);
-        Some(WindowRequest::Open(Opening { target: OpenTarget::Log(log), hours, starts: false }))
+        Some(WindowRequest::Open(self.in_this_light(Opening {
+            target: OpenTarget::Log(log),
+            hours: None,
+            weather: None,
+            starts: false,
+        })))
     }
 
     /// The scenario from its beginning, at once.
     pub(super) fn run_again(&self, seed: Option<u64>) -> Option<WindowRequest> {
         let mut request = self.again.clone()?;
         request.overrides.seed = seed.or(request.overrides.seed);
-        let hours = Some(self.state.look.hours);
-        Some(WindowRequest::Open(Opening { target: OpenTarget::Scenario(request), hours, starts: true }))
+        let opening = Opening { starts: true, ..Opening::scenario(request) };
+        Some(WindowRequest::Open(self.in_this_light(opening)))
+    }
+
+    /// The same opening, at the time of day and in the weather that are shown.
+    pub(super) fn in_this_light(&self, opening: Opening) -> Opening {
+        let look = self.state.look;
+        Opening { hours: Some(look.hours), weather: Some(look.weather), ..opening }
     }
 
     /// Gives an order to the city. Before a reset the user is asked, unless nothing is lost.
@@ -91,7 +101,7 @@ impl ViewerState {
         match (&self.source, &order) {
             (ViewedRun::Ended(_), Order::Reset) => {
                 let request = Opening::scenario(self.request.clone());
-                return Some(WindowRequest::Open(Opening { hours: Some(self.state.look.hours), ..request }));
+                return Some(WindowRequest::Open(self.in_this_light(request)));
             }
             (ViewedRun::Ended(_), Order::Start | Order::Step | Order::RunUntil(_)) => {
                 let said = self.state.keys.tip("This run has ended. Reset begins it again", &commands::RESET);

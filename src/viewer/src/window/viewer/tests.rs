@@ -10,13 +10,14 @@ use crate::window::settings::ViewSettings;
 use city3d_logbook::figures::FigureScale;
 use city3d_logbook::figures::chart::Figure;
 use city3d_protocol::snapshot::VehicleId;
+use city3d_sensors::Weather;
 use city3d_session::Order;
 use city3d_simulation::environment::EnvironmentProfile;
 use city3d_simulation::scenario::Overrides;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-const LOOK: Look = Look { preset: QualityPreset::Low, hours: 9.5 };
+const LOOK: Look = Look { preset: QualityPreset::Low, hours: 9.5, weather: Weather::Fog };
 
 fn request(scenario: &str, duration_s: f64) -> ScenarioRequest {
     let overrides = Overrides { duration_s: Some(duration_s), ..Overrides::default() };
@@ -92,7 +93,7 @@ fn a_finished_run_is_replayed_from_its_whole_log_and_run_again_with_another_seed
     let replay = opening(viewer.act(vec![UiAction::Replay], 0.0));
     let log = folder.path().join("run-1/run.mcap");
     assert_eq!(replay.target, OpenTarget::Log(log.clone()));
-    assert_eq!(replay.hours, Some(LOOK.hours), "in the light that it had");
+    assert_eq!((replay.hours, replay.weather), (Some(9.5), Some(Weather::Fog)), "in the light that it had");
     // The session has ended before its log is opened.
     let summary = std::fs::read_to_string(folder.path().join("run-1/summary.json")).unwrap();
     assert!(summary.contains(&outcome.state_hash) && !summary.contains("stopped_at_tick"), "{summary}");

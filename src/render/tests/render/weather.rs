@@ -1,0 +1,88 @@
+//! Rain and fog in pictures, on the software adapter.
+
+use crate::drawing;
+
+use city3d_protocol::snapshot::FrameSnapshot;
+use city3d_render::{Context, Daylight, Image, Quality, Renderer, Settings};
+use city3d_scene::{Class, Finish, Mesh, SceneDescription, SceneObject, Surface};
+use city3d_sensors::{Extrinsics, Lens, View, Weather};
+use drawing::software;
+use glam::{DVec3, Vec3};
+
+const LAMP: Vec3 = Vec3::new(20.0, 0.0, 6.0);
+const EYE: DVec3 = DVec3::new(0.0, 0.0, 3.0);
+const PRESETS: [Quality; 2] =
+    [Quality { shadow_texels: 1024, ..Quality::HIGH }, Quality { shadow_texels: 1024, ..Quality::LOW }];
+
+/// A road with a lamp beside it, and a wall far off.
+fn road() -> SceneDescription {
+    let mut ground = Mesh::default();
+    let ring =
+        [(-60.0, -60.0), (300.0, -60.0), (300.0, 60.0), (-60.0, 60.0)].map(|(x, y)| Vec3::new(x, y, 0.0));
+    ground.plate(&ring, Finish::new(Surface::Asphalt, [150; 3], Class::Road), 1.0);
+    let mut wall = Mesh::default();
+    let finish = Finish::new(Surface::Plain, [40; 3], Class::Wall);
+    wall.block(Vec3::new(200.0, 0.0, 0.0), Vec3::new(1.0, 100.0, 30.0), 0.0, finish);
+    SceneDescription {
+        ground: vec![SceneObject::of_one_level(ground)],
+        objects: vec![SceneObject::of_one_level(wall)],
+        lamps: vec![LAMP],
+        bounds: [Vec3::new(-60.0, -60.0, 0.0), Vec3::new(300.0, 60.0, 30.0)],
+        ..SceneDescription::default()
+    }
+}
+
+fn ahead() -> View {
+    let lens = Lens { extent: [320, 240], ..Lens::default() };
+    View::new(Extrinsics::looking_at(EYE, DVec3::new(20.0, 0.0, 1.0)), &lens)
+}
+
+fn picture(context: &Context, quality: Quality, daylight: Daylight, weather: Weather) -> Image {
+    let settings = Settings { quality, daylight, weather, ..Settings::default() };
+    let mut renderer = Renderer::new(context, &road(), settings).expect("a renderer");
+    renderer.render(&FrameSnapshot::default(), &[ahead()]).expect("a picture").remove(0)
+}
+
+/// Mean of the green channel in a square of seven pixels around a point of the city.
+fn green(image: &Image, point: DVec3) -> f64 {
+    let at = ahead().project(point).expect("in view").round();
+    let pixels = (-3..=3).flat_map(|y| (-3..=3).map(move |x| (at.x as i32 + x, at.y as i32 + y)));
+    pixels.map(|(x, y)| f64::from(image.pixel(x as u32, y as u32)[1])).sum::<f64>() / 49.0
+}
+
+#[test]
+fn rain_darkens_the_road_and_fog_hides_what_is_far() {
+    let Some(context) = software() else { return };
+    for quality in PRESETS {
+        let of = |weather| picture(&context, quality, Daylight::NOON, weather);
+        let [clear, rain, fog] = Weather::ALL.map(of);
+        let road = DVec3::new(8.0, 1.0, 0.0);
+        assert!(
+            green(&clear, road) > green(&rain, road) + 20.0,
+            "{} {}",
+            green(&clear, road),
+            green(&rain, road)
+        );
+        // A dark wall 200 m away fades in fog.
+        let wall = DVec3::new(199.5, 0.0, 12.0);
+        let faded = green(&fog, wall) - green(&clear, wall);
+        assert!(faded > 40.0, "{faded}");
+        let near = (green(&fog, road) - green(&rain, road)).abs();
+        assert!(near < faded, "{near} {faded}");
+    }
+}
+
+#[test]
+fn a_wet_road_mirrors_a_lamp_at_night_where_the_law_of_reflection_has_it() {
+    let Some(context) = software() else { return };
+    for quality in PRESETS {
+        let of = |weather| picture(&context, quality, Daylight::NIGHT, weather);
+        let [dry, wet] = [Weather::Clear, Weather::Rain].map(of);
+        // Angles of incidence and reflection are equal where heights and distances have the same ratio.
+        let lamp = LAMP.as_dvec3();
+        let mirrored = DVec3::new(lamp.x * EYE.z / (EYE.z + lamp.z), 0.0, 0.0);
+        let beside = mirrored + DVec3::new(0.0, 2.5, 0.0);
+        let contrast = |image: &Image| green(image, mirrored) - green(image, beside);
+        assert!(contrast(&wet) > contrast(&dry) + 15.0, "{} {}", contrast(&wet), contrast(&dry));
+    }
+}
