@@ -143,11 +143,12 @@ impl<'a> Program<'a> {
         pause_ms(500);
     }
 
-    /// The tick that is shown: a screenshot is named after it.
+    /// The tick that is shown, a hundredth of a second: a screenshot is named after its scenario and time.
     pub fn tick(&self) -> u64 {
         let (name, _) = self.render_offscreen();
-        let number = |text: &str| text.strip_prefix("city3d-")?.parse().ok();
-        number(&name).unwrap_or_else(|| panic!("a screenshot is called {name}"))
+        let seconds = |name: &str| name.strip_suffix('s')?.rsplit_once('-')?.1.parse::<f64>().ok();
+        let seconds = seconds(&name).unwrap_or_else(|| panic!("a screenshot is called {name}"));
+        (seconds * 100.0).round() as u64
     }
 
     /// Names what is shown.

@@ -97,12 +97,12 @@ fn edit(bench: &Bench<'_>, file: &Path) {
     bench.program.screenshot();
     bench.key("Insert");
     // The middle of the view is on the first lane, its right end on the second one.
-    bench.click(725, 333);
+    bench.click(680, 333);
     bench.program.screenshot();
-    bench.click(955, 333);
+    bench.click(935, 333);
     bench.key("Escape");
     bench.key("o");
-    bench.click(845, 333);
+    bench.click(800, 333);
     bench.key("Escape");
     // A change that is taken back, and one that is made again.
     bench.key("Delete");

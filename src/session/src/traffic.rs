@@ -10,7 +10,7 @@ use city3d_simulation::scenario::Experiment;
 use std::collections::{BTreeMap, VecDeque};
 use std::sync::Arc;
 
-/// Time span of the time-space diagram, simulated seconds.
+/// Time span of the space-time diagram, simulated seconds.
 pub const DIAGRAM_S: f64 = 60.0;
 /// Least time between two samples of the diagram.
 const EVERY_S: f64 = 0.1;

@@ -107,7 +107,7 @@ fn gains(controller: &str, frequency_hz: f64, overrides: Overrides) -> Vec<f64> 
     amplitudes.windows(2).map(|pair| pair[1] / pair[0]).collect()
 }
 
-/// Prints a row of the table in docs/coordination.md; `cargo nextest run --no-capture` shows it.
+/// Prints a row of the table in docs/experiments.md; `cargo nextest run --no-capture` shows it.
 fn row_of_table(name: &str, frequency_hz: f64, gains: &[f64]) {
     let last: f64 = gains.iter().product();
     let (low, high) = gains.iter().fold((f64::MAX, 0.0_f64), |(l, h), gain| (l.min(*gain), h.max(*gain)));

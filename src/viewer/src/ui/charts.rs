@@ -1,6 +1,6 @@
 //! The panel Charts: quantities of several vehicles over time, and the figures of `city3d plot`, while a run goes on.
 
-use super::events::numbered_name;
+use super::events::named;
 use super::theme::{self, DecimalSeparator};
 use super::{UiAction, UiState, ViewModel};
 use city3d_geometry::trig;
@@ -202,8 +202,7 @@ fn controls(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>, actions: &m
 
 /// The vehicles that stay in the chart, each with a way out of it, and a way in for the selected one.
 fn vehicles(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>) {
-    let name =
-        |id: VehicleId| shown.run_state.now.info(id).map_or_else(|| format!("vehicle {id}"), numbered_name);
+    let name = |id: VehicleId| named(shown.names, id);
     ui.horizontal_wrapped(|ui| {
         let mut removed = None;
         for id in &state.charts.vehicles {
@@ -260,7 +259,7 @@ fn draw(
 fn legend(ui: &mut Ui, figure: &Figure) {
     ui.horizontal_wrapped(|ui| {
         for key in &figure.legend {
-            let colour = on_ground(key.stroke.colour, ui.visuals().dark_mode);
+            let colour = on_ground(ui.ctx(), key.stroke.colour);
             let text = format!("{} {}", sample(key.stroke.dash), key.name);
             ui.label(RichText::new(text).small().color(colour));
         }
@@ -279,7 +278,7 @@ pub(super) fn draw_over_time(ui: &mut Ui, figure: &Figure) {
 
 /// One pair of axes; returns the time of a click.
 fn plot(ui: &mut Ui, (index, panel): (usize, &Panel), height: f32, at_s: Option<f64>) -> Option<f64> {
-    let is_dark = ui.visuals().dark_mode;
+    let context = ui.ctx().clone();
     let label = match panel.title.as_str() {
         "" => panel.y_label.clone(),
         title => format!("{title}: {}", panel.y_label),
@@ -315,7 +314,7 @@ fn plot(ui: &mut Ui, (index, panel): (usize, &Panel), height: f32, at_s: Option<
             }
         }
         for line in &panel.lines {
-            let colour = on_ground(line.stroke.colour, is_dark);
+            let colour = on_ground(&context, line.stroke.colour);
             for piece in pieces(&line.points) {
                 let points: PlotPoints<'_> = decimated(piece, panel.x, buckets).into();
                 plot.line(Line::new("", points).color(colour).width(1.5).style(style_of(line.stroke.dash)));
@@ -390,10 +389,9 @@ fn decimated(points: &[(f64, f64)], (from, to): (f64, f64), buckets: usize) -> V
     kept
 }
 
-/// A colour of figures, which are made for paper, as it is seen on a dark ground.
-fn on_ground([r, g, b]: Colour, is_dark: bool) -> Color32 {
-    let lift = |channel: u8| 70 + (u16::from(channel) * 185 / 255) as u8;
-    if is_dark { Color32::from_rgb(lift(r), lift(g), lift(b)) } else { Color32::from_rgb(r, g, b) }
+/// A colour of figures, which are made for paper, or of a body, as it is legible in this theme.
+fn on_ground(context: &egui::Context, [r, g, b]: Colour) -> Color32 {
+    theme::line_on_ground(context, Color32::from_rgb(r, g, b))
 }
 
 #[cfg(test)]

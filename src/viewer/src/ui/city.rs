@@ -51,6 +51,7 @@ pub fn show(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>, actions: &m
     let mut overlay = overlay::build(state, shown, &canvas);
     editing::add_overlay(&mut overlay, state, shown, pointed.and_then(|at| canvas.ground_at(at)));
     state.overlay = overlay;
+    state.tints = state.layers.colour.tints(ui.ctx(), shown);
     layers::paint(&canvas, state, shown);
     state.measure.paint(&canvas);
     editing::paint(&canvas, state, shown);
@@ -85,7 +86,7 @@ fn act_on_clicks(
     if !is_clicked || state.measure.click(ground) || editing::click(response, ground, state, shown, actions) {
         return;
     }
-    let picked = pick(canvas, shown, at);
+    let picked = editing::pick(canvas, shown, at).or_else(|| pick(canvas, shown, at));
     state.selection.vehicle = picked;
     state.table.reveal = picked.is_some();
     if response.double_clicked() && picked.is_some() {
@@ -133,6 +134,18 @@ pub fn pick(canvas: &Canvas<'_>, shown: &ViewModel<'_>, at: Pos2) -> Option<Vehi
         (distance < NEAR_POINTS.max(0.45 * reach)).then_some((canvas.depth(middle), vehicle.id))
     });
     hits.min_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, id)| id)
+}
+
+/// Where the vehicle is on the screen that the user looks at: the followed one, else the selected one.
+pub fn watched(state: &UiState, shown: &ViewModel<'_>, rect: Rect) -> Option<Rect> {
+    let id = state.viewpoint.follow.or(state.selection.vehicle)?;
+    let seen = shown.interpolated.vehicle(id).zip(shown.interpolated.info(id))?;
+    let view = state.pictures.iter().find(|picture| picture.slot == PictureSlot::City)?.view;
+    let place = |corner: DVec3| layers::place_of(&view, rect, corner);
+    let (vehicle, info) = seen;
+    let corners: Vec<Pos2> = overlay::corners(vehicle, info).into_iter().filter_map(place).collect();
+    let on_screen = Rect::from_points(&corners).intersect(rect);
+    on_screen.is_positive().then_some(on_screen)
 }
 
 fn distance_to_segment(point: Pos2, from: Pos2, to: Pos2) -> f32 {

@@ -1,8 +1,8 @@
-//! Colours of labels, map marks and boxes of vehicles: by status, speed or waiting time.
+//! Colours of vehicles, with their labels, map marks and boxes: by status, speed or waiting time.
 
 use super::{Preferences, ViewModel, theme};
 use city3d_geometry::LengthScale;
-use city3d_protocol::snapshot::VehicleState;
+use city3d_protocol::snapshot::{VehicleId, VehicleState};
 use egui::{Color32, Context};
 use serde::{Deserialize, Serialize};
 
@@ -44,6 +44,18 @@ impl ColourBy {
             Self::Status => theme::on_picture(context, vehicle.status),
             Self::Speed => scale(vehicle.speed_mps.abs() * 3.6 / FASTEST_KMH),
             Self::Waiting => scale(shown.traffic.tracks().waits_s(vehicle.id) / LONGEST_S),
+        }
+    }
+
+    /// Colours of bodies in place of their own; none by status, which labels tell.
+    pub fn tints(self, context: &Context, shown: &ViewModel<'_>) -> Vec<(VehicleId, [u8; 3])> {
+        let tint = |vehicle: &VehicleState| {
+            let [r, g, b, _] = self.colour(context, vehicle, shown).to_array();
+            (vehicle.id, [r, g, b])
+        };
+        match self {
+            Self::Status => Vec::new(),
+            Self::Speed | Self::Waiting => shown.interpolated.vehicles.iter().map(tint).collect(),
         }
     }
 

@@ -2,8 +2,8 @@
 
 use super::commands::{GRAVE_EVENT, KeyMap};
 use super::timeline::TimelineView;
-use super::{DecimalSeparator, UiAction, UiState, ViewModel, commands, theme};
-use city3d_protocol::snapshot::{FrameSnapshot, Status, VehicleInfo};
+use super::{DecimalSeparator, UiAction, UiState, VehicleNames, ViewModel, commands, theme};
+use city3d_protocol::snapshot::{Status, VehicleId, VehicleInfo};
 use city3d_session::playback::{MarkKind, PlaybackCommand, TimelineMark};
 use egui::{Align, Button, Color32, Layout, RichText, Sense, Ui, Vec2};
 use egui_extras::{Column, TableBuilder};
@@ -95,19 +95,19 @@ pub(super) fn colour(context: &egui::Context, kind: MarkKind) -> Color32 {
     theme::on_panel(context, status)
 }
 
-/// The vehicle of an event by name and number.
-pub(super) fn name(snapshot: &FrameSnapshot, mark: &TimelineMark) -> String {
-    snapshot.info(mark.vehicle).map_or_else(|| mark.vehicle.to_string(), numbered_name)
+/// A vehicle by number and name; one that nobody has named by its number.
+pub(super) fn named(names: &VehicleNames, id: VehicleId) -> String {
+    names.get(&id).map_or_else(|| id.to_string(), |name| numbered(id, name))
 }
 
 /// The name of a vehicle with its number.
 pub(super) fn numbered_name(info: &VehicleInfo) -> String {
+    numbered(info.id, &info.name)
+}
+
+fn numbered(id: VehicleId, name: &str) -> String {
     // Default names contain the number.
-    if info.name == format!("cav{}", info.id) {
-        info.name.clone()
-    } else {
-        format!("{} {}", info.id, info.name)
-    }
+    if name == format!("cav{id}") { name.to_owned() } else { format!("{id} {name}") }
 }
 
 /// Selects the vehicle of an event, and seeks to its time.
@@ -133,18 +133,24 @@ const GRAVE: [(MarkKind, &str, &str); 3] = [
     (MarkKind::Link, "lost link", "lost links"),
 ];
 
+/// Least room for the last event in words, points.
+const LEAST_WORDS: f32 = 60.0;
+
 /// What has happened in a run so far: counts of what is grave and the last event, each with a jump to its place and time.
+/// What finds no room in the row is left to the list, for another row would move the city while one drives.
 pub(super) fn live(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>, actions: &mut Vec<UiAction>) {
     for (kind, one, several) in GRAVE {
         let mut marks = state.events.grave(shown.events).filter(|mark| mark.what.kind() == kind);
         let Some(last) = marks.next_back().cloned() else { continue };
         let count = marks.count() + 1;
         let text = format!("{count} {}", if count == 1 { one } else { several });
-        let button = ui.button(RichText::new(text).color(colour(ui.ctx(), kind)).strong());
-        let tip = format!(
-            "Show the last one: {}",
-            event_words(&shown.run_state.now, &last, state.preferences.decimal)
-        );
+        let text = RichText::new(text).color(colour(ui.ctx(), kind)).strong();
+        if width_of(ui, &text) > ui.available_size_before_wrap().x {
+            return;
+        }
+        let button = ui.button(text);
+        let tip =
+            format!("Show the last one: {}", event_words(shown.names, &last, state.preferences.decimal));
         let tip = if state.events.last_grave(shown.events) == Some(&last) {
             commands::GRAVE_EVENT.tip(ui.ctx(), &tip)
         } else {
@@ -155,24 +161,36 @@ pub(super) fn live(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>, acti
         }
     }
     let last = state.events.of(shown.events).next_back().cloned();
-    if let Some(last) = last {
-        let text = RichText::new(event_words(&shown.run_state.now, &last, state.preferences.decimal)).small();
+    if let Some(last) = last.filter(|_| ui.available_size_before_wrap().x > LEAST_WORDS) {
+        let words = event_words(shown.names, &last, state.preferences.decimal);
+        let text = RichText::new(&words).small();
         let label = egui::Label::new(text).truncate().selectable(false).sense(Sense::click());
-        if ui.add(label).on_hover_text("Show where and when it happened").clicked() {
+        let room = Vec2::new(ui.available_size_before_wrap().x, ui.spacing().interact_size.y);
+        let layout = Layout::left_to_right(Align::Center);
+        let label = ui.allocate_ui_with_layout(room, layout, |ui| ui.add(label)).inner;
+        if label.on_hover_text(format!("{words}. Show where and when it happened")).clicked() {
             go_to(&last, state, actions);
         }
     }
 }
 
+/// Width of a button with a text.
+fn width_of(ui: &Ui, text: &RichText) -> f32 {
+    let text = egui::WidgetText::from(text.clone());
+    let style = egui::TextStyle::Button;
+    let galley = text.into_galley(ui, Some(egui::TextWrapMode::Extend), f32::INFINITY, style);
+    galley.size().x + 2.0 * ui.spacing().button_padding.x
+}
+
 /// What to say of new events: the gravest of those that are reported at once.
 pub fn announcement(
-    snapshot: &FrameSnapshot,
+    names: &VehicleNames,
     marks: &[TimelineMark],
     (keys, decimal): (&KeyMap, DecimalSeparator),
 ) -> Option<String> {
     let grave = marks.iter().filter(|mark| mark.what.is_grave());
     let first = grave.clone().max_by_key(|mark| mark.what.kind())?;
-    let words = event_words(snapshot, first, decimal);
+    let words = event_words(names, first, decimal);
     let key = keys.first(&GRAVE_EVENT.binding());
     let shows = |what: &str| if key.is_empty() { String::new() } else { format!(" ({key} shows {what})") };
     Some(match grave.count() {
@@ -182,9 +200,9 @@ pub fn announcement(
 }
 
 /// An event in words, with its time and vehicle.
-pub fn event_words(snapshot: &FrameSnapshot, mark: &TimelineMark, decimal: DecimalSeparator) -> String {
+pub fn event_words(names: &VehicleNames, mark: &TimelineMark, decimal: DecimalSeparator) -> String {
     let time = decimal.fixed(mark.time_s, 2);
-    format!("{time} s: {}, {}", name(snapshot, mark), mark.what.label())
+    format!("{time} s: {}, {}", named(names, mark.vehicle), mark.what.label())
 }
 
 /// Selects the vehicle of an event, and seeks to its time; the camera stays.
@@ -280,7 +298,7 @@ fn list(
                 line.col(|ui| {
                     _ = ui.label(RichText::new(mark.what.label()).color(colour(ui.ctx(), mark.what.kind())));
                 });
-                line.col(|ui| _ = ui.label(name(&shown.run_state.now, mark)));
+                line.col(|ui| _ = ui.label(named(shown.names, mark.vehicle)));
                 if line.response().on_hover_text("Show where and when it happened").clicked() {
                     clicked = Some(mark.clone());
                 }

@@ -10,7 +10,7 @@ const TWO_COLUMNS: f32 = 860.0;
 /// Narrower windows show one column, points.
 const TWO_COLUMNS_FROM: f32 = 880.0;
 /// Width of the keys, points.
-const KEYS: f32 = 180.0;
+const KEYS: f32 = 192.0;
 /// Width of the field for words.
 const FIELD: f32 = 220.0;
 
@@ -91,8 +91,35 @@ type Row = (String, String);
 fn rows(keys: &KeyMap, section: &Section, words: &[String]) -> Vec<Row> {
     let bindings = section.bindings().map(|binding| (keys.words(&binding), binding.name.to_owned()));
     let bindings = bindings.filter(|(key, _)| !key.is_empty() || !words.is_empty());
+    // Who searches for one of a series finds it by its own words.
+    let bindings = if words.is_empty() { in_series(bindings.collect()) } else { bindings.collect() };
+    let bindings = bindings.into_iter();
     let gestures = section.gestures.iter().map(|(how, what)| ((*how).to_owned(), (*what).to_owned()));
     bindings.chain(gestures).filter(|(key, what)| has_words(&format!("{key} {what}"), words)).collect()
+}
+
+/// Rows whose keys and actions differ in a number at their ends alone, which counts on, become one row: bookmarks.
+fn in_series(rows: Vec<Row>) -> Vec<Row> {
+    let is_next = |a: &Row, b: &Row| counts_on(&a.0, &b.0) && counts_on(&a.1, &b.1);
+    let of_series = |series: &[Row]| match series {
+        [(first, what), .., (last_key, last)] => {
+            let [key_end, end] = [last_key, last].map(|text| text.chars().next_back().unwrap_or_default());
+            (format!("{first} ... {key_end}"), format!("{what} to {end}"))
+        }
+        [row] => row.clone(),
+        [] => Row::default(),
+    };
+    rows.chunk_by(is_next).map(of_series).collect()
+}
+
+/// Whether a text is another one with the next digit at its end.
+fn counts_on(text: &str, next: &str) -> bool {
+    let parts = |text: &str| {
+        let digit = text.chars().next_back()?.to_digit(10)?;
+        Some((text[..text.len() - 1].to_owned(), digit))
+    };
+    let of_next = parts(text).map(|(stem, digit)| (stem, digit + 1));
+    of_next.is_some() && of_next == parts(next)
 }
 
 fn has_words(text: &str, words: &[String]) -> bool {

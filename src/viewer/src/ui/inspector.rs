@@ -3,7 +3,7 @@
 
 use super::commands::{PREVIEW, TAKE_CONTROL, key_map};
 use super::theme::{self, DecimalSeparator, SpeedUnit};
-use super::{UiAction, UiState, ViewModel, status};
+use super::{UiAction, UiState, ViewModel, plans, status};
 use city3d_geometry::LengthScale;
 use city3d_protocol::snapshot::{
     ControlDecision, DecisionReason, EventKind, Status, VehicleId, VehicleInfo, VehicleState,
@@ -47,6 +47,10 @@ fn inspected(
     let mut link = None;
     Grid::new("inspector").num_columns(2).spacing([10.0, 4.0]).striped(true).show(ui, |ui| {
         why(ui, shown, (vehicle, decision), &mut link);
+        if let Some(plan) = plans::inspected(shown, vehicle.id, state.preferences.decimal) {
+            let tip = "Its control zone, when its front bumper enters the first conflict there, and how many enter before it";
+            row(ui, "Plan", &plan, tip);
+        }
         motion(ui, (state.preferences.units, shown.scale()), vehicle, decision);
         traffic(ui, shown, place, &mut link);
         trajectory(ui, shown, vehicle, decision);

@@ -120,7 +120,7 @@ fn take(state: &mut UiState, target: Target, (key, modifiers): (Key, egui::Modif
 const WIDTH: f32 = 640.0;
 const NAMES: f32 = 330.0;
 /// Height of the window outside the list.
-const AROUND: f32 = 250.0;
+const AROUND: f32 = 310.0;
 
 /// Shows the page.
 pub fn show(ui: &mut Ui, state: &mut UiState) {

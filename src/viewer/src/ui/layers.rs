@@ -15,7 +15,7 @@ use serde::{Deserialize, Serialize};
 pub struct Layers {
     /// Numbers and names over the vehicles; the selected vehicle always has its label.
     pub labels: bool,
-    /// What the colour of a vehicle tells in labels, on the map and of boxes.
+    /// What the colour of a vehicle tells: in labels, on the map, of boxes, and of bodies where it is no status.
     pub colour: ColourBy,
     /// Centre lines of all lanes.
     pub lanes: bool,
@@ -111,7 +111,7 @@ pub fn show(ui: &mut Ui, state: &mut UiState) {
             ui.checkbox(&mut layers.measured, "Measured against true pose");
             ui.checkbox(&mut layers.frusta, "What cameras see");
             ui.add_space(6.0);
-            ui.strong("Colour of labels, boxes and map marks");
+            ui.strong("Colour of vehicles");
             ui.horizontal(|ui| {
                 for by in ColourBy::ALL {
                     ui.radio_value(&mut layers.colour, by, by.label());
@@ -119,6 +119,15 @@ pub fn show(ui: &mut Ui, state: &mut UiState) {
             });
         });
     });
+}
+
+/// Where a view shows a point of the city in a rectangle of the screen; `None` behind the camera.
+pub fn place_of(view: &View, rect: Rect, point: DVec3) -> Option<Pos2> {
+    let pixel = view.project(point)?;
+    let [width, height] = view.extent.map(f64::from);
+    let share = egui::vec2(((pixel.x + 0.5) / width) as f32, ((pixel.y + 0.5) / height) as f32);
+    // Coordinates far outside are meaningless.
+    (share.x.abs() < 20.0 && share.y.abs() < 20.0).then_some(rect.min + share * rect.size())
 }
 
 /// Projects points of the city to the screen.
@@ -136,12 +145,7 @@ impl<'a> Canvas<'a> {
 
     /// `None` behind the camera.
     pub fn place(&self, point: DVec3) -> Option<Pos2> {
-        let pixel = self.view.project(point)?;
-        let [width, height] = self.view.extent.map(f64::from);
-        let share = egui::vec2(((pixel.x + 0.5) / width) as f32, ((pixel.y + 0.5) / height) as f32);
-        let place = self.rect.min + share * self.rect.size();
-        // Coordinates far outside are meaningless.
-        (share.x.abs() < 20.0 && share.y.abs() < 20.0).then_some(place)
+        place_of(self.view, self.rect, point)
     }
 
     /// The point of the ground under a place on the screen; `None` above the horizon.
@@ -240,7 +244,7 @@ fn gaps(canvas: &Canvas<'_>, state: &UiState, shown: &ViewModel<'_>) {
         let middle = overlay::above((front + leader.rear) / 2.0);
         if let Some(place) = canvas.place(middle).filter(|_| !canvas.is_hidden(middle, shown)) {
             let colour = if is_close { overlay::CLOSE_GAP } else { overlay::GAP };
-            canvas.text(place, &text, colour, &mut taken);
+            canvas.text(place, &text, theme::text_on_picture(colour), &mut taken);
         }
     }
 }

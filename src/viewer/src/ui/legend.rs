@@ -16,6 +16,8 @@ struct LegendLine {
 enum LegendMark {
     Line(Color32),
     Sign(Status),
+    /// Pieces in the colours of some bodies.
+    Bodies([Color32; 3]),
     Scale,
 }
 
@@ -38,10 +40,8 @@ fn lines(state: &UiState, shown: &ViewModel<'_>) -> Vec<LegendLine> {
     add(layers.zones, overlay::CROSSING, "conflict zone: crossing");
     add(layers.zones, overlay::MERGE, "conflict zone: merge");
     if let Some(id) = state.selection.vehicle {
-        let colour = overlay::body_colour(shown, id);
-        add(layers.routes || layers.all_routes, colour, &format!("route of vehicle {id}"));
+        add(layers.routes || layers.all_routes, overlay::ROUTE, &format!("route of vehicle {id}"));
     }
-    add(layers.all_routes, Color32::from_gray(150), "routes of the others, in their colours");
     let many = format!("more than {} routes: the wider, the more", overlay::ROUTES_APART);
     add(layers.all_routes, overlay::MANY_ROUTES, &many);
     add(layers.tracks, overlay::DRIVEN, "driven path, the last 20 s");
@@ -50,6 +50,11 @@ fn lines(state: &UiState, shown: &ViewModel<'_>) -> Vec<LegendLine> {
     add(layers.gaps, overlay::CLOSE_GAP, "gap of less than 1 s");
     add(layers.measured, overlay::MEASURED, measured_words(shown));
     add(layers.frusta, overlay::FRUSTUM, "what a camera sees");
+    if layers.all_routes {
+        let text = if state.selection.vehicle.is_some() { "routes of the others" } else { "routes" };
+        let mark = LegendMark::Bodies(some_bodies(shown));
+        lines.push(LegendLine { mark, text: format!("{text}, in their colours") });
+    }
     if layers.control_zones && !lines.is_empty() {
         for (zone, area) in shown.control_zones.iter().enumerate() {
             let text = format!("control zone {}", area.name);
@@ -58,6 +63,15 @@ fn lines(state: &UiState, shown: &ViewModel<'_>) -> Vec<LegendLine> {
     }
     lines.extend(colours(state, shown, layers.boxes || !lines.is_empty()));
     lines
+}
+
+/// Colours of the first bodies.
+fn some_bodies(shown: &ViewModel<'_>) -> [Color32; 3] {
+    let ids: Vec<_> = shown.interpolated.vehicles.iter().map(|vehicle| vehicle.id).collect();
+    std::array::from_fn(|k| {
+        let id = ids.get(k % ids.len().max(1)).copied().unwrap_or_default();
+        overlay::body_colour(shown, id)
+    })
 }
 
 fn measured_words(shown: &ViewModel<'_>) -> &'static str {
@@ -108,6 +122,12 @@ pub fn paint(ui: &Ui, rect: Rect, state: &UiState, shown: &ViewModel<'_>) {
                 painter.add(Shape::line_segment([left, right], Stroke::new(3.0, colour)));
             }
             LegendMark::Sign(of) => status::paint_sign(&painter, left.lerp(right, 0.5), 4.0, of),
+            LegendMark::Bodies(colours) => {
+                for (k, colour) in colours.into_iter().enumerate() {
+                    let ends = [k, k + 1].map(|end| left.lerp(right, end as f32 / colours.len() as f32));
+                    painter.add(Shape::line_segment(ends, Stroke::new(3.0, colour)));
+                }
+            }
             LegendMark::Scale => {
                 for step in 0..6_u8 {
                     let share = f32::from(step) / 6.0;

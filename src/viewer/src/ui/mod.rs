@@ -33,6 +33,7 @@ mod rulers;
 mod run_until;
 pub mod runs;
 mod settings;
+mod space_time;
 mod status;
 mod theme;
 mod timeline;
@@ -65,6 +66,7 @@ pub use preview::{KEPT_S, Preview, PreviewCamera, ScenarioCamera};
 pub use run_until::RunUntilState;
 pub use settings::SettingsPage;
 pub use status::is_off_lanes;
+pub(crate) use theme::difference as colour_difference;
 pub use theme::{DecimalSeparator, Preferences, SpeedUnit, StatusColours, Theme, ground};
 pub use timeline::{ShownTime, TimelineRange, TimelineView};
 pub use tracks::{TrackPoint, Tracks};
@@ -72,7 +74,8 @@ pub use vehicle_menu::{MenuSubject, VehicleMenu};
 pub use vehicles::TableState;
 pub use video::{VideoKind, VideoRequest, VideoStatus, VideoSubject};
 pub use view_model::{
-    CityKind, DriverNames, PastView, PictureRequest, PictureSlot, ReplayView, ScenarioChoice, ViewModel,
+    CityKind, DriverNames, PastView, PictureRequest, PictureSlot, ReplayView, ScenarioChoice, VehicleNames,
+    ViewModel,
 };
 pub use viewpoint::{Bookmark, Bookmarks, CameraMode, Flight, Viewpoint};
 pub use views::{MORE_VIEWS, MoreViews};
@@ -293,6 +296,8 @@ pub struct UiState {
     pub pictures: Vec<PictureRequest>,
     /// Lines and surfaces in the city, over the picture of the large view.
     pub overlay: Overlay,
+    /// Colours of bodies in the large views in place of their own.
+    pub tints: Vec<(VehicleId, [u8; 3])>,
     /// The menu of a vehicle or a place.
     pub menu: Option<VehicleMenu>,
     /// The measure tool.
@@ -340,6 +345,7 @@ impl UiState {
             notice: None,
             pictures: Vec::new(),
             overlay: Overlay::default(),
+            tints: Vec::new(),
             menu: None,
             measure: Measure::default(),
             bookmarks: Bookmarks::default(),
@@ -378,7 +384,7 @@ impl UiState {
 
     /// Whether something on display needs the plans of coordinated vehicles.
     pub fn shows_plans(&self) -> bool {
-        self.layers.plans || self.open.traffic || !self.previews.is_empty()
+        self.layers.plans || self.open.traffic || self.open.inspector || !self.previews.is_empty()
     }
 
     /// Whether something on display needs the decisions of the control framework.
@@ -506,12 +512,17 @@ pub fn show(ui: &mut egui::Ui, state: &mut UiState, shown: &ViewModel<'_>) -> Ve
     actions
 }
 
+/// Height of the window without what a sheet may hold: the bars, its place below the upper one, and its title, points.
+const AROUND_SHEET: f32 = 180.0;
+
 /// A window over the city, below the bar and between the side panels.
 fn sheet(ui: &egui::Ui, title: &'static str) -> egui::Window<'static> {
     let top = ui.ctx().content_rect().center_top() + egui::vec2(0.0, 70.0);
     egui::Window::new(title)
         .pivot(egui::Align2::CENTER_TOP)
         .default_pos(top)
+        // A long page takes the room that there is; a short one shrinks to what it holds.
+        .default_height((ui.ctx().content_rect().height() - AROUND_SHEET).max(100.0))
         .resizable(false)
         .collapsible(false)
 }

@@ -27,6 +27,8 @@ impl Palette {
 const WIDTH: f32 = 480.0;
 const ROW_HEIGHT: f32 = 22.0;
 const ROWS: f32 = 14.0;
+/// Room in a low window for what is not rows, points.
+const ABOVE_ROWS: f32 = 90.0;
 
 /// Shows the palette while it is open. Up and Down choose, Enter or a click runs, Esc closes.
 pub fn show(ui: &Ui, state: &mut UiState, shown: &ViewModel<'_>, actions: &mut Vec<UiAction>) {
@@ -53,10 +55,14 @@ pub fn show(ui: &Ui, state: &mut UiState, shown: &ViewModel<'_>, actions: &mut V
         let has_moved = chosen != state.palette.chosen;
         state.palette.chosen = chosen;
         ui.add_space(4.0);
-        if found.is_empty() {
-            ui.label(RichText::new("No action has these words.").weak());
-        }
-        ScrollArea::vertical().max_height(ROWS * ROW_HEIGHT).show(ui, |ui| {
+        // As high with one row as with all, so that nothing moves while one types.
+        let room = ui.ctx().content_rect().height() - ABOVE_ROWS;
+        let height = (ROWS * (ROW_HEIGHT + ui.spacing().item_spacing.y)).min(room).max(ROW_HEIGHT);
+        let rows = ScrollArea::vertical().auto_shrink(false).max_height(height).min_scrolled_height(height);
+        rows.show(ui, |ui| {
+            if found.is_empty() {
+                ui.label(RichText::new("No action has these words.").weak());
+            }
             for (place, entry) in found.iter().enumerate() {
                 let response = row(ui, entry, place == chosen);
                 if place == chosen && has_moved {

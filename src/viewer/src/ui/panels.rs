@@ -48,8 +48,8 @@ pub(super) enum Home {
     Right,
     /// Over the city.
     Floating,
-    /// In a column of its own beside the city.
-    BesideCity,
+    /// In a row of its own below the city.
+    BelowCity,
 }
 
 /// What the layout knows of a panel.
@@ -118,7 +118,7 @@ pub(super) static ALL: [PanelEntry; 12] = [
         panel: Panel::Charts,
         title: "Charts",
         home: Home::Floating,
-        size: [560.0, 400.0],
+        size: [480.0, 340.0],
         is_open: |state| state.open.charts,
         close: |state| state.open.charts = false,
         show: charts::show,
@@ -162,7 +162,7 @@ pub(super) static ALL: [PanelEntry; 12] = [
     PanelEntry {
         panel: Panel::SecondView,
         title: "View 2",
-        home: Home::BesideCity,
+        home: Home::BelowCity,
         size: [480.0, 360.0],
         is_open: |state| state.open.views[0],
         close: |state| state.open.views[0] = false,
@@ -171,7 +171,7 @@ pub(super) static ALL: [PanelEntry; 12] = [
     PanelEntry {
         panel: Panel::ThirdView,
         title: "View 3",
-        home: Home::BesideCity,
+        home: Home::BelowCity,
         size: [480.0, 360.0],
         is_open: |state| state.open.views[1],
         close: |state| state.open.views[1] = false,

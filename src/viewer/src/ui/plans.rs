@@ -5,7 +5,7 @@ use super::layers::Canvas;
 use super::overlay::{self, body_colour};
 use super::{DecimalSeparator, UiState, ViewModel, theme};
 use city3d_geometry::City;
-use city3d_protocol::snapshot::{CoordinationState, NoPlan, PlannedPassage, VehicleId};
+use city3d_protocol::snapshot::{CoordinationState, NoPlan, PlannedPassage, VehicleId, ZoneVehicle};
 use city3d_render::Overlay;
 use egui::{Color32, Grid, Rect, RichText, Ui, Vec2};
 use glam::{DVec2, DVec3};
@@ -84,7 +84,8 @@ pub(super) fn paint(canvas: &Canvas<'_>, state: &UiState, shown: &ViewModel<'_>)
     let mut taken: Vec<Rect> = Vec::new();
     for (id, plan) in planned.iter().filter(|(_, plan)| plan.enters_s > now_s) {
         let text = format!("{id} in {} s", decimal.fixed(plan.enters_s - now_s, 1));
-        entry(canvas, plan, (body_colour(shown, *id), &text), &mut taken);
+        let colour = theme::text_on_picture(body_colour(shown, *id));
+        entry(canvas, plan, (colour, &text), &mut taken);
     }
     if let Some((_, plan)) = planned.iter().find(|(id, _)| Some(*id) == state.selection.vehicle) {
         seconds(canvas, (plan, now_s), &mut taken);
@@ -163,6 +164,38 @@ pub(super) fn words(
         Err(why) => (format!("none, {}", why_not(*why)), "It drives by the rules of the road"),
     };
     Some((format!("Plan: {words}"), tip))
+}
+
+/// The plan of a vehicle for the inspector: its control zone, when it enters the first conflict, and its place in the queue;
+/// `None` where there are no control zones.
+pub(super) fn inspected(shown: &ViewModel<'_>, id: VehicleId, decimal: DecimalSeparator) -> Option<String> {
+    if !has_zones(shown) {
+        return None;
+    }
+    let Some(coordination) = &shown.run_state.coordination else {
+        return Some(super::inspector::NOT_TOLD.to_owned());
+    };
+    let Some(vehicle) = coordination.vehicle(id) else {
+        return Some("in no control zone".to_owned());
+    };
+    let zone = coordination.zones.iter().find(|zone| zone.number == vehicle.zone);
+    let zone = zone.map_or_else(|| format!("zone {}", vehicle.zone + 1), |zone| zone.name.clone());
+    let now_s = shown.run_state.now.time_s;
+    let plan = match &vehicle.plan {
+        Err(why) => return Some(format!("{zone}: none, {}", why_not(*why))),
+        Ok(plan) => plan,
+    };
+    if plan.enters_s <= now_s {
+        let left_s = (plan.leaves_s - now_s).max(0.0);
+        return Some(format!("{zone}: in the junction, leaves in {} s", decimal.fixed(left_s, 1)));
+    }
+    // Who is in the junction waits no more.
+    let queue = queue_of(coordination, vehicle.zone);
+    let waiting: Vec<_> = queue.iter().filter(|(enters_s, _)| *enters_s > now_s).collect();
+    let place = waiting.iter().position(|(_, other)| other.id == id).map_or(0, |place| place + 1);
+    let at = decimal.fixed(plan.enters_s, 1);
+    let in_s = decimal.fixed(plan.enters_s - now_s, 1);
+    Some(format!("{zone}: first conflict at {at} s (in {in_s} s), {place} of {} in the queue", waiting.len()))
 }
 
 fn why_not(why: NoPlan) -> &'static str {
@@ -273,13 +306,8 @@ fn numbers(coordination: &CoordinationState, zone: u16) -> [String; 7] {
     ]
 }
 
-/// Who enters the conflicts of a zone next, and in how many seconds; then those without plans.
-fn order(
-    coordination: &CoordinationState,
-    zone: u16,
-    (shown, decimal): (&ViewModel<'_>, DecimalSeparator),
-) -> String {
-    let now_s = shown.run_state.now.time_s;
+/// The vehicles in a zone by when they enter its conflicts, seconds; infinite without a plan.
+fn queue_of(coordination: &CoordinationState, zone: u16) -> Vec<(f64, &ZoneVehicle)> {
     let enters_s = |plan: &Result<PlannedPassage, NoPlan>| match plan {
         Ok(plan) => plan.enters_s,
         Err(_) => f64::INFINITY,
@@ -287,6 +315,17 @@ fn order(
     let inside = coordination.vehicles.iter().filter(|vehicle| vehicle.zone == zone);
     let mut queue: Vec<_> = inside.map(|vehicle| (enters_s(&vehicle.plan), vehicle)).collect();
     queue.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.entered_s.total_cmp(&b.1.entered_s)));
+    queue
+}
+
+/// Who enters the conflicts of a zone next, and in how many seconds; then those without plans.
+fn order(
+    coordination: &CoordinationState,
+    zone: u16,
+    (shown, decimal): (&ViewModel<'_>, DecimalSeparator),
+) -> String {
+    let now_s = shown.run_state.now.time_s;
+    let queue = queue_of(coordination, zone);
     if queue.is_empty() {
         return "nobody is inside".to_owned();
     }

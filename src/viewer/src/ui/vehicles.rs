@@ -172,13 +172,27 @@ const SHARES: [f32; 7] = [0.0, 3.0, 2.0, 1.0, 1.0, 1.0, 1.0];
 
 /// Columns that every table has room for where the window is not tiny: number, status, position and speed.
 const KEPT: [usize; 5] = [0, 3, 4, 5, 6];
+/// Columns of a table as wide as it is at first: the driver is in the tip.
+const USUAL: [usize; 6] = [0, 1, 3, 4, 5, 6];
+/// Between columns, points.
+const SPACING: f32 = 5.0;
 
 /// Width of a panel in which the columns for number, status, position and speed find room, points.
 pub fn least_width(ui: &Ui) -> f32 {
+    width_of(ui, &KEPT)
+}
+
+/// Usual width in a window of some width: names find room, and in a wide window the drivers too, points.
+pub fn usual_width(ui: &Ui, window: f32) -> f32 {
+    const SHARE: f32 = 0.28;
+    let all: Vec<usize> = (0..WIDTHS.len()).collect();
+    (SHARE * window).min(width_of(ui, &all)).max(width_of(ui, &USUAL))
+}
+
+fn width_of(ui: &Ui, columns: &[usize]) -> f32 {
     /// For edges that egui rounds to pixels.
     const SLACK: f32 = 4.0;
-    let spacing = ui.spacing();
-    let columns: f32 = KEPT.iter().map(|&k| WIDTHS[k] + spacing.item_spacing.x).sum();
+    let columns: f32 = columns.iter().map(|&k| WIDTHS[k] + SPACING).sum();
     SLACK + columns + scrollbar(ui) + egui::Frame::side_top_panel(ui.style()).total_margin().sum().x
 }
 
@@ -188,8 +202,8 @@ fn scrollbar(ui: &Ui) -> f32 {
 
 /// The columns that fit, as indices into [`SortKey::COLUMNS`]. Driver and name are dropped first: label and tooltip
 /// show them too.
-fn columns(width: f32, spacing: f32) -> Vec<usize> {
-    let needed = |columns: &[usize]| columns.iter().map(|&k| WIDTHS[k] + spacing).sum::<f32>();
+fn columns(width: f32) -> Vec<usize> {
+    let needed = |columns: &[usize]| columns.iter().map(|&k| WIDTHS[k] + SPACING).sum::<f32>();
     let mut columns: Vec<usize> = (0..WIDTHS.len()).collect();
     for dropped in [&[2][..], &[1], &[4, 5]] {
         if needed(&columns) > width {
@@ -264,14 +278,19 @@ fn grid(
     let mut asked = None;
     // A click on a text of a row means the row.
     ui.style_mut().interaction.selectable_labels = false;
-    let spacing = ui.spacing().item_spacing.x;
+    ui.spacing_mut().item_spacing.x = SPACING;
     let width = ui.available_width() - scrollbar(ui);
-    let columns = columns(width, spacing);
-    let needed: f32 = columns.iter().map(|&k| WIDTHS[k] + spacing).sum();
+    let columns = columns(width);
+    let needed: f32 = columns.iter().map(|&k| WIDTHS[k] + SPACING).sum();
     let shares: f32 = columns.iter().map(|&k| SHARES[k]).sum();
     let share = ((width - needed) / shares).max(0.0);
+    let gap = ui.spacing().item_spacing.y;
+    let line = ROW_HEIGHT + gap;
+    // Whole rows: half a one at the edge looks as if the timeline covered it.
+    let whole_rows = ((ui.available_height() - line) / line).floor().max(1.0);
     let mut builder = TableBuilder::new(ui)
         .striped(true)
+        .max_scroll_height(whole_rows * line - gap)
         // All rows are one stop of the Tab key.
         .sense(Sense::CLICK)
         .auto_shrink(false)
@@ -504,9 +523,9 @@ mod tests {
 
     #[test]
     fn a_narrow_table_drops_what_matters_least() {
-        assert_eq!(columns(418.0, 8.0), [0, 1, 2, 3, 4, 5, 6]);
-        assert_eq!(columns(356.0, 8.0), [0, 1, 3, 4, 5, 6]);
-        assert_eq!(columns(298.0, 8.0), KEPT);
-        assert_eq!(columns(160.0, 8.0), [0, 3, 6]);
+        assert_eq!(columns(396.0), [0, 1, 2, 3, 4, 5, 6]);
+        assert_eq!(columns(337.0), USUAL);
+        assert_eq!(columns(282.0), KEPT);
+        assert_eq!(columns(160.0), [0, 3, 6]);
     }
 }

@@ -103,6 +103,8 @@ pub(super) fn button(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>, ac
         }
         ui.separator();
         ui.horizontal(|ui| {
+            // Menus show buttons and fields as texts, and this row has both.
+            ui.visuals_mut().widgets.inactive = ui.ctx().global_style().visuals.widgets.inactive;
             let is_chosen = ui.button("Time-lapse").clicked();
             ui.label("a picture each");
             ui.add(theme::number_field(&mut state.lapse_s).range(LAPSE_S).speed(0.1).suffix(" s"));

@@ -13,6 +13,9 @@ use std::collections::BTreeMap;
 /// Names of the control algorithms, by vehicle.
 pub type DriverNames = BTreeMap<VehicleId, String>;
 
+/// Names of vehicles, also of those that have left or are still to come.
+pub type VehicleNames = BTreeMap<VehicleId, String>;
+
 /// The view model: the data that the panels show in one frame.
 #[derive(Debug)]
 pub struct ViewModel<'a> {
@@ -32,6 +35,8 @@ pub struct ViewModel<'a> {
     pub control_zones: &'a [ControlZoneArea],
     /// Walls that occlude vehicles.
     pub walls: &'a [Wall],
+    /// Names of all vehicles of the run.
+    pub names: &'a VehicleNames,
     /// Control algorithm of each vehicle; it drives while no person does.
     pub drivers: &'a DriverNames,
     /// Planned lanes of each vehicle, by the scenario.

@@ -3,7 +3,7 @@
 use super::scenario_info::ScenarioInfo;
 use super::unused::unused;
 use crate::ui::EditView;
-use city3d_control::PARKED;
+use city3d_control::{CONTROLLERS, PARKED};
 use city3d_outputs::WholeFile;
 use city3d_protocol::snapshot::{FrameSnapshot, VehicleId};
 use city3d_simulation::scenario::{
@@ -92,7 +92,7 @@ impl ScenarioEditor {
             saved: text,
             vehicles: document.vehicles(),
             types: document.types(),
-            drivers: document.drivers(),
+            drivers: drivers_of(&document),
             document,
             check: None,
             checked: String::new(),
@@ -130,6 +130,7 @@ impl ScenarioEditor {
             vehicles: &self.vehicles,
             types: &self.types,
             drivers: &self.drivers,
+            default_driver: self.document.default_controller(),
             problems: &self.problems,
             is_checking: self.checked != self.text(),
             is_changed: self.is_changed(),
@@ -181,6 +182,11 @@ impl ScenarioEditor {
     /// Changes what is stated of a vehicle.
     pub fn change(&mut self, id: VehicleId, edit: VehicleEdit) {
         let Some(index) = self.index(id) else { return };
+        if let VehicleEdit::Driver(Some(name)) = &edit
+            && CONTROLLERS.contains(&name.as_str())
+        {
+            self.document.state_driver(name, name);
+        }
         self.document.edit_vehicle(index, edit);
         self.keep();
     }
@@ -301,9 +307,18 @@ impl ScenarioEditor {
     fn refresh(&mut self) {
         self.vehicles = self.document.vehicles();
         self.types = self.document.types();
-        self.drivers = self.document.drivers();
+        self.drivers = drivers_of(&self.document);
         self.poll();
     }
+}
+
+/// Names of drivers to choose from: those of the file, and every control algorithm by its own name.
+fn drivers_of(document: &ScenarioDocument) -> Vec<String> {
+    let mut names = document.drivers();
+    let more = CONTROLLERS.iter().filter(|name| !names.iter().any(|known| known == *name));
+    let more: Vec<String> = more.map(|name| (*name).to_owned()).collect();
+    names.extend(more);
+    names
 }
 
 /// Reads a scenario, and puts its vehicles at their starts.
@@ -385,6 +400,20 @@ mod tests {
         settle(&mut editor);
         assert_eq!(editor.view().problems, &[] as &[String]);
         assert_eq!(editor.city().unwrap().info.drivers[&obstacle], PARKED);
+    }
+
+    #[test]
+    fn every_control_algorithm_can_be_chosen_as_a_driver() {
+        let mut editor = editor("straight");
+        assert_eq!(editor.view().default_driver, "idm");
+        let id = editor.view().vehicles[0].id;
+        for name in CONTROLLERS {
+            assert!(editor.view().drivers.iter().any(|driver| driver == name), "{name}");
+            editor.change(id, VehicleEdit::Driver(Some(name.to_owned())));
+            settle(&mut editor);
+            assert_eq!(editor.view().problems, &[] as &[String], "{name}");
+            assert_eq!(editor.city().unwrap().info.drivers[&id], name);
+        }
     }
 
     #[test]

@@ -7,7 +7,7 @@ use super::painter::{PaintTarget, WindowPainter};
 use super::recording::{RecordedRun, RecordingOptions};
 use super::settings::{load_profiles, save_profiles};
 use super::surface::WindowSurface;
-use super::unused::unused;
+use super::unused::{name_of_moment, unused};
 use super::video::WindowVideos;
 use super::viewer::{ViewerState, WindowRequest};
 use super::{ViewSettings, WindowError, WindowOptions, WindowSubject};
@@ -320,7 +320,7 @@ impl OpenWindow {
             self.window.set_title(&title);
             self.title = title;
         }
-        self.painter.draw(self.viewer.interpolated(), self.viewer.pictures(), self.viewer.overlay())?;
+        self.painter.draw(self.viewer.city_frame())?;
         self.present(output);
         let requests = self.viewer.act(actions, self.egui.input(|input| input.time));
         for request in requests {
@@ -425,7 +425,7 @@ impl OpenWindow {
             WindowRequest::Look | WindowRequest::Open(_) => self.load(request),
             WindowRequest::Screenshot => self.wants_shot = true,
             WindowRequest::Video(request) => {
-                let file = unused_in_folder(self.viewer.interpolated().tick, ".mp4");
+                let file = self.unused_file(".mp4");
                 let extent = match request.subject {
                     VideoSubject::Window => self.surface.extent(),
                     VideoSubject::City => self.viewer.state.city_pixels,
@@ -512,9 +512,15 @@ impl OpenWindow {
         self.viewer.state.say(text, self.egui.input(|input| input.time));
     }
 
+    /// An unused name in the working folder for a file that shows the present moment.
+    fn unused_file(&self, ending: &str) -> std::path::PathBuf {
+        let (scenario, time_s) = (&self.viewer.experiment().name, self.viewer.interpolated().time_s);
+        unused(std::path::Path::new(""), &name_of_moment(scenario, time_s), ending)
+    }
+
     /// Writes a screenshot into the working folder.
     fn keep(&mut self, image: Result<Image, WindowError>) {
-        let file = unused_in_folder(self.viewer.interpolated().tick, ".png");
+        let file = self.unused_file(".png");
         let written = image.and_then(|image| Ok(write_png(&file, &image)?));
         let whole = std::path::absolute(&file).unwrap_or(file);
         let said =
@@ -545,9 +551,4 @@ fn failed_title(what: &str) -> String {
     let what = what.trim_end_matches(" ...");
     let name = what.strip_prefix("Loading ").unwrap_or(what);
     format!("{name} cannot be opened")
-}
-
-/// An unused name for a file that shows a tick.
-fn unused_in_folder(tick: u64, ending: &str) -> std::path::PathBuf {
-    unused(std::path::Path::new(""), &format!("city3d-{tick}"), ending)
 }

@@ -1,6 +1,8 @@
 //! Charts of what the window shows: quantities over time at once, figures that need the lanes of all vehicles by a thread
 //! of their own.
 
+use super::body_colours::Bodies;
+use super::unused::name_of_moment;
 use crate::ui::{ChartKind, ChartState, ChartView};
 use city3d_logbook::figures::chart::Figure;
 use city3d_logbook::figures::{
@@ -24,6 +26,8 @@ pub(super) struct LiveFigures {
     experiment: Arc<Experiment>,
     origin: LogOrigin,
     builder: TraceBuilder,
+    /// Names and colours of the vehicles.
+    bodies: Bodies,
     /// Revision of the history that the traces are of, and the number of states that they have.
     read: (u64, usize),
     /// The run with lanes, as of the time of its end.
@@ -54,6 +58,7 @@ impl LiveFigures {
             experiment: Arc::clone(experiment),
             origin,
             builder: TraceBuilder::new(Arc::clone(experiment)),
+            bodies: Bodies::default(),
             read: (0, 0),
             run: None,
             wanted: None,
@@ -104,7 +109,7 @@ impl LiveFigures {
         };
         if self.wanted.as_ref() != Some(&wanted) {
             (self.figure, self.trouble) = match self.draw(&wanted, false) {
-                Ok(figure) => (figure, None),
+                Ok(figure) => (figure.map(|figure| self.bodies.painted(figure)), None),
                 Err(trouble) => (None, Some(trouble)),
             };
             self.wanted = Some(wanted);
@@ -121,6 +126,7 @@ impl LiveFigures {
         for state in &states[self.read.1..] {
             for (vehicle, info) in state.vehicles() {
                 self.builder.describe(info);
+                self.bodies.meet(info);
                 self.builder.see(state.time_s(), &vehicle);
             }
         }
@@ -228,7 +234,8 @@ impl LiveFigures {
     pub(super) fn save(&mut self, folder: &Path) {
         let drawn = self.wanted.as_ref().and_then(|wanted| self.draw(wanted, true).ok().flatten());
         let Some(mut figure) = drawn else { return };
-        let name = unused(folder, &figure.name);
+        let moment = name_of_moment(&self.experiment.name, self.end_s());
+        let name = unused(folder, &format!("{moment}-{}", figure.name));
         figure.name.clone_from(&name);
         let folder = folder.to_path_buf();
         let (sender, receiver) = channel();
@@ -269,13 +276,13 @@ impl LiveFigures {
     }
 }
 
-/// A name of a figure of which a folder has no file yet.
+/// The name of a figure, numbered on where a folder has files of it.
 fn unused(folder: &Path, name: &str) -> String {
     let is_free = |name: &String| {
         ["svg", "png", "csv"].iter().all(|extension| !folder.join(format!("{name}.{extension}")).exists())
     };
-    let numbered = (2..).map(|number| format!("city3d-{name}-{number}"));
-    let mut names = std::iter::once(format!("city3d-{name}")).chain(numbered);
+    let numbered = (2..).map(|number| format!("{name}-{number}"));
+    let mut names = std::iter::once(name.to_owned()).chain(numbered);
     names.find(is_free).unwrap_or_else(|| name.to_owned())
 }
 
@@ -390,7 +397,7 @@ mod tests {
         let mut watched = Watched::new();
         watched.go_to(300);
         watched.chart(ChartKind::Series(Quantity::Acceleration));
-        for name in ["city3d-acceleration", "city3d-acceleration-2"] {
+        for name in ["roundabout-2.90s-acceleration", "roundabout-2.90s-acceleration-2"] {
             watched.figures.save(folder.path());
             let start = Instant::now();
             let said = loop {

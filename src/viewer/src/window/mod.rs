@@ -1,5 +1,6 @@
 //! The window: a live run or a log, its settings, event loop and painter, and pictures of it without a display.
 
+mod body_colours;
 mod compared_curves;
 mod display_loss;
 mod editor;

@@ -2,7 +2,7 @@
 
 use super::WindowError;
 use crate::ui::{self, Look, PictureRequest, PictureSlot, QualityPreset};
-use city3d_protocol::snapshot::FrameSnapshot;
+use city3d_protocol::snapshot::{FrameSnapshot, VehicleId};
 use city3d_render::{
     BakedTextures, Context, Daylight, Image, Overlay, Quality, Renderer, Settings, TargetView, read_texture,
 };
@@ -10,6 +10,7 @@ use city3d_scene::SceneDescription;
 use city3d_simulation::scenario::Experiment;
 use egui_wgpu::{RendererOptions, ScreenDescriptor};
 use std::collections::BTreeMap;
+use std::sync::Arc;
 
 /// Renderers of the city and of the panels, and the textures between them.
 pub struct WindowPainter {
@@ -21,8 +22,35 @@ pub struct WindowPainter {
     /// Format of the targets.
     format: wgpu::TextureFormat,
     slots: BTreeMap<PictureSlot, Texture>,
-    /// Snapshot, pictures and overlay in the textures: equal ones are not drawn again.
-    drawn: Option<(FrameSnapshot, Vec<PictureRequest>, Overlay)>,
+    /// What is in the textures: an equal frame is not drawn again.
+    drawn: Option<CityFrame>,
+}
+
+/// Pictures of the city in one frame of the window.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct CityFrame {
+    /// What all pictures show.
+    pub snapshot: FrameSnapshot,
+    /// The pictures.
+    pub pictures: Vec<PictureRequest>,
+    /// Lies over the large view.
+    pub overlay: Overlay,
+    /// Colours of bodies in the large views in place of their own; previews show what cameras see.
+    pub tints: Vec<(VehicleId, [u8; 3])>,
+}
+
+impl CityFrame {
+    /// The snapshot with the colours of the large views.
+    fn tinted(&self) -> FrameSnapshot {
+        let mut snapshot = self.snapshot.clone();
+        let roster = Arc::make_mut(&mut snapshot.roster);
+        for (id, colour) in &self.tints {
+            if let Ok(place) = roster.binary_search_by_key(id, |info| info.id) {
+                roster[place].appearance.colour = *colour;
+            }
+        }
+        snapshot
+    }
 }
 
 /// Texture of a picture. The city's shaders encode sRGB themselves, so its format is linear.
@@ -82,23 +110,16 @@ impl WindowPainter {
         self.slots.iter().map(|(slot, texture)| (*slot, texture.id)).collect()
     }
 
-    /// Draws the pictures of a frame, all of one snapshot; unchanged ones are not drawn again. The overlay lies over the city.
+    /// Draws the pictures of a frame; an unchanged one is not drawn again.
     ///
     /// # Errors
     /// When the adapter cannot draw a view or a vehicle.
-    pub fn draw(
-        &mut self,
-        snapshot: &FrameSnapshot,
-        pictures: &[PictureRequest],
-        overlay: &Overlay,
-    ) -> Result<(), WindowError> {
-        let is_drawn = |(of, what, over): &(FrameSnapshot, Vec<PictureRequest>, Overlay)| {
-            of == snapshot && what == pictures && over == overlay
-        };
-        if self.drawn.as_ref().is_some_and(is_drawn) {
+    pub fn draw(&mut self, frame: CityFrame) -> Result<(), WindowError> {
+        if self.drawn.as_ref() == Some(&frame) {
             return Ok(());
         }
         self.drawn = None;
+        let CityFrame { pictures, .. } = &frame;
         let gone: Vec<PictureSlot> =
             self.slots.keys().filter(|slot| !pictures.iter().any(|p| p.slot == **slot)).copied().collect();
         for slot in gone {
@@ -109,6 +130,25 @@ impl WindowPainter {
         for picture in pictures {
             self.make_texture(picture);
         }
+        let is_preview = |picture: &&PictureRequest| matches!(picture.slot, PictureSlot::Preview(_));
+        let (previews, large): (Vec<_>, Vec<_>) = match frame.tints.as_slice() {
+            [] => (pictures.iter().collect(), Vec::new()),
+            _ => pictures.iter().partition(is_preview),
+        };
+        self.draw_pictures(&frame.snapshot, &previews, &frame.overlay)?;
+        if !large.is_empty() {
+            self.draw_pictures(&frame.tinted(), &large, &frame.overlay)?;
+        }
+        self.drawn = Some(frame);
+        Ok(())
+    }
+
+    fn draw_pictures(
+        &mut self,
+        snapshot: &FrameSnapshot,
+        pictures: &[&PictureRequest],
+        overlay: &Overlay,
+    ) -> Result<(), WindowError> {
         let views: Vec<wgpu::TextureView> = pictures
             .iter()
             .filter_map(|picture| self.slots.get(&picture.slot))
@@ -125,7 +165,6 @@ impl WindowPainter {
             .collect();
         let views: Vec<_> = pictures.iter().map(|picture| picture.view).collect();
         self.city.draw(snapshot, &views, &targets)?;
-        self.drawn = Some((snapshot.clone(), pictures.to_vec(), overlay.clone()));
         Ok(())
     }
 
@@ -142,7 +181,9 @@ impl WindowPainter {
             sample_count: 1,
             dimension: wgpu::TextureDimension::D2,
             format: FORMAT,
-            usage: wgpu::TextureUsages::RENDER_ATTACHMENT | wgpu::TextureUsages::TEXTURE_BINDING,
+            usage: wgpu::TextureUsages::RENDER_ATTACHMENT
+                | wgpu::TextureUsages::TEXTURE_BINDING
+                | wgpu::TextureUsages::COPY_SRC,
             view_formats: &[],
         });
         let view = texture.create_view(&wgpu::TextureViewDescriptor::default());
@@ -282,7 +323,7 @@ pub fn renderer(context: &Context, experiment: &Experiment, look: Look) -> Resul
 mod tests {
     use super::super::loading::{self, software_context};
     use super::*;
-    use crate::ui::Viewpoint;
+    use crate::ui::{CameraMode, Viewpoint};
     use city3d_sensors::PictureKind;
     use city3d_sensors::Weather;
     use city3d_simulation::runner::Run;
@@ -313,7 +354,7 @@ mod tests {
         let snapshot = Run::new(experiment).unwrap().snapshot().clone();
         let view = Viewpoint::around(&snapshot).view(&snapshot, [160, 120]);
         let picture = PictureRequest { slot: PictureSlot::City, view, kind: PictureKind::Rgb };
-        painter.draw(&snapshot, &[picture], &Overlay::default()).unwrap();
+        painter.draw(CityFrame { snapshot, pictures: vec![picture], ..CityFrame::default() }).unwrap();
         assert!(painter.paint_city(PaintTarget { view: &target, extent }));
         let image = painter.read(&memory).unwrap();
         let at = |x: u32, y: u32| {
@@ -325,5 +366,36 @@ mod tests {
         let colours: std::collections::BTreeSet<[u8; 3]> =
             rows().flat_map(|y| (80..240).map(move |x| (x, y))).map(|(x, y)| at(x, y)).collect();
         assert!(colours.len() > 50 && !colours.contains(&[0; 3]), "{} colours of a city", colours.len());
+    }
+
+    #[test]
+    fn tinted_bodies_are_in_the_large_view_alone() {
+        let Some(context) = software_context() else { return };
+        let request = ScenarioRequest { scenario: "straight".to_owned(), ..ScenarioRequest::default() };
+        let experiment = loading::read(&request).unwrap();
+        let look = Look { preset: QualityPreset::Low, hours: 12.0 };
+        let mut painter = WindowPainter::new(context, &experiment, look, FORMAT).unwrap();
+        let snapshot = Run::new(experiment).unwrap().snapshot().clone();
+        let id = snapshot.vehicles[0].id;
+        let mut camera = Viewpoint::around(&snapshot);
+        camera.set_mode(CameraMode::Chase, Some(id));
+        camera.update(&snapshot);
+        let view = camera.view(&snapshot, [160, 120]);
+        let picture = |slot| PictureRequest { slot, view, kind: PictureKind::Rgb };
+        let pictures = vec![picture(PictureSlot::City), picture(PictureSlot::Preview(id))];
+        let mut drawn = |tints: Vec<(VehicleId, [u8; 3])>| {
+            let (snapshot, pictures) = (snapshot.clone(), pictures.clone());
+            painter.draw(CityFrame { snapshot, pictures, tints, ..CityFrame::default() }).unwrap();
+            [PictureSlot::City, PictureSlot::Preview(id)]
+                .map(|slot| painter.read(&painter.slots[&slot].texture).unwrap().rgb)
+        };
+        let (plain, tinted) = (drawn(Vec::new()), drawn(vec![(id, [255, 0, 255])]));
+        let [city, preview] = [0, 1].map(|k: usize| {
+            let pixels = plain[k].chunks_exact(3).zip(tinted[k].chunks_exact(3));
+            // More magenta than before.
+            let magenta = |p: &[u8]| i32::from(p[0]) + i32::from(p[2]) - 2 * i32::from(p[1]);
+            pixels.filter(|(plain, tinted)| magenta(tinted) > magenta(plain) + 60).count()
+        });
+        assert!(city > 100 && preview == 0, "{city} and {preview} pixels");
     }
 }

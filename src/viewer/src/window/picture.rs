@@ -211,7 +211,7 @@ pub(super) fn draw_pass(
     let input = input(screen.extent, egui.zoom_factor(), time_s);
     let output = egui.run_ui(input, |ui| actions.extend(viewer.pass(ui, &textures, 0.0)));
     viewer.act(actions, 0.0);
-    painter.draw(viewer.interpolated(), viewer.pictures(), viewer.overlay())?;
+    painter.draw(viewer.city_frame())?;
     painter.paint(egui, output, std::slice::from_ref(screen));
     Ok(())
 }

@@ -1,7 +1,7 @@
 //! What the panels show of an experiment besides its state: drivers, routes, cameras, steering and walls.
 
 use crate::cockpit::SteeringGeometry;
-use crate::ui::{ControlZoneArea, DriverNames, ScenarioCamera};
+use crate::ui::{ControlZoneArea, DriverNames, ScenarioCamera, VehicleNames};
 use city3d_protocol::snapshot::VehicleId;
 use city3d_roadmap::LaneId;
 use city3d_scene::{SceneDescription, Wall};
@@ -11,6 +11,7 @@ use std::collections::BTreeMap;
 
 /// Data of an experiment for the panels.
 pub(super) struct ScenarioInfo {
+    pub names: VehicleNames,
     pub drivers: DriverNames,
     pub routes: BTreeMap<VehicleId, Vec<LaneId>>,
     pub cameras: BTreeMap<VehicleId, Vec<ScenarioCamera>>,
@@ -33,6 +34,7 @@ impl ScenarioInfo {
         let arriving = || experiment.arrivals.iter().map(|arrival| &arrival.vehicle);
         let vehicles = || experiment.vehicles.iter().chain(arriving());
         Self {
+            names: vehicles().map(|v| (v.id, v.name.clone())).collect(),
             drivers: vehicles().map(|v| (v.id, v.controller.clone())).collect(),
             routes: vehicles().map(|v| (v.id, v.route.clone())).collect(),
             cameras: vehicles().map(|v| (v.id, v.sensors.iter().map(own_camera).collect())).collect(),

@@ -9,9 +9,22 @@ pub fn unused(folder: &Path, name: &str, ending: &str) -> PathBuf {
     paths.find(|path| !path.exists()).unwrap_or_else(|| folder.join(format!("{name}{ending}")))
 }
 
+/// Name of a file that shows a moment of a run: its scenario and the simulated time, such as `roundabout-12.34s`.
+pub fn name_of_moment(scenario: &str, time_s: f64) -> String {
+    let is_plain = |c: char| c.is_alphanumeric() || c == '-' || c == '_';
+    let scenario: String = scenario.chars().map(|c| if is_plain(c) { c } else { '-' }).collect();
+    format!("{scenario}-{time_s:.2}s")
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_moment_is_named_by_scenario_and_time_without_folders() {
+        assert_eq!(name_of_moment("roundabout", 12.3), "roundabout-12.30s");
+        assert_eq!(name_of_moment("my run/2", 0.0), "my-run-2-0.00s");
+    }
 
     #[test]
     fn names_are_numbered_on() {

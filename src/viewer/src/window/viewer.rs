@@ -12,18 +12,19 @@ use super::compared_curves::ComparedCurves;
 use super::editor::ScenarioEditor;
 use super::figures::LiveFigures;
 use super::opening::Opening;
+use super::painter::CityFrame;
 use super::recording::{RecordedRun, RecordingOptions, recorded, start};
 use super::scenario_info::ScenarioInfo;
 use super::{CitySubject, WindowError};
 use crate::cockpit::SteeringGeometry;
 use crate::ui::runs::{RunsView, StartLists};
 use crate::ui::{
-    self, CityKind, KEPT_S, LiveTraffic, Look, PastView, PictureRequest, PictureSlot, ReplayView,
-    ScenarioChoice, UiAction, UiState, VideoRequest, VideoStatus, ViewModel,
+    self, CityKind, KEPT_S, LiveTraffic, Look, PastView, PictureSlot, ReplayView, ScenarioChoice, UiAction,
+    UiState, VideoRequest, VideoStatus, ViewModel,
 };
 use city3d_logbook::record::LogOrigin;
-use city3d_protocol::snapshot::{FrameSnapshot, Status, VehicleSpec};
-use city3d_render::{Context, Overlay};
+use city3d_protocol::snapshot::{FrameSnapshot, Status, VehicleSpec, VehicleState};
+use city3d_render::Context;
 use city3d_session::playback::{LogInfo, PastPlayer, PlaybackCommand, Player};
 use city3d_session::{
     EventReader, Order, RunHistory, RunPhase, RunState, SessionError, SessionHandle, SessionStopper, Speed,
@@ -306,14 +307,14 @@ impl ViewerState {
         }
     }
 
-    /// The overlay of the last frame.
-    pub fn overlay(&self) -> &Overlay {
-        &self.state.overlay
-    }
-
-    /// The pictures that the last frame requested.
-    pub fn pictures(&self) -> &[PictureRequest] {
-        &self.state.pictures
+    /// The pictures that the last frame requested, and what they show.
+    pub fn city_frame(&self) -> CityFrame {
+        CityFrame {
+            snapshot: self.interpolated.clone(),
+            pictures: self.state.pictures.clone(),
+            overlay: self.state.overlay.clone(),
+            tints: self.state.tints.clone(),
+        }
     }
 
     /// Samples the traffic, and takes the past states that have come since for plots and charts.
@@ -368,7 +369,7 @@ impl ViewerState {
         if let Some(edited) = self.edited_state(&live) {
             (run_state, weight) = (edited, 1.0);
         } else if let Some(earlier) = self.past.advance(now, &live, &self.history, &self.experiment) {
-            (run_state, weight) = earlier;
+            (run_state, weight) = (before_start(earlier.0), earlier.1);
         }
         let past = PastView { head: self.past.head(&live, &self.history), is_shown: self.past.is_past() };
         self.interpolated.blend(&run_state.before, &run_state.now, weight);
@@ -399,6 +400,7 @@ impl ViewerState {
             map: &self.experiment.city_map,
             control_zones: &scenario_info.control_zones,
             walls: &scenario_info.walls,
+            names: &scenario_info.names,
             drivers: &scenario_info.drivers,
             routes: &scenario_info.routes,
             cameras: &scenario_info.cameras,
@@ -463,6 +465,7 @@ impl ViewerState {
     /// Vehicles that the scenario does not have: guests of a served city.
     fn meet_vehicles(&mut self, run_state: &RunState) {
         for info in run_state.now.roster.iter() {
+            self.scenario_info.names.entry(info.id).or_insert_with(|| info.name.clone());
             self.scenario_info.steering_geometry.entry(info.id).or_insert_with(|| SteeringGeometry {
                 wheelbase_m: info.dimensions.wheelbase_m,
                 steering_limit_rad: VehicleSpec::default().steering_limit_rad,
@@ -491,7 +494,9 @@ impl ViewerState {
     fn announce_events(&mut self, run_state: &RunState, now_s: f64) {
         let known = self.events.read(&run_state.events);
         let said_with = (&*self.state.keys, self.state.preferences.decimal);
-        if let Some(words) = ui::announcement(&run_state.now, &self.events.marks()[known..], said_with) {
+        if let Some(words) =
+            ui::announcement(&self.scenario_info.names, &self.events.marks()[known..], said_with)
+        {
             self.state.say(words, now_s);
         }
     }
@@ -555,14 +560,18 @@ impl ViewerState {
     }
 }
 
-/// The state as it is shown: before its start nothing moves, whatever speeds vehicles will start with.
+/// The state as it is shown: at its start nothing moves yet, whatever speeds vehicles will start with; in a log and in the
+/// past of a run as before the run has begun.
 fn before_start(run_state: Arc<RunState>) -> Arc<RunState> {
-    if run_state.phase != RunPhase::Ready || run_state.link.is_some() {
+    let is_at_start = run_state.phase == RunPhase::Ready || run_state.now.tick == 0;
+    if !is_at_start || run_state.link.is_some() {
         return run_state;
     }
     let waiting = |snapshot: &FrameSnapshot| {
         let mut snapshot = snapshot.clone();
-        for vehicle in &mut snapshot.vehicles {
+        let is_of_run =
+            |vehicle: &&mut VehicleState| !matches!(vehicle.status, Status::Physical | Status::Unseen);
+        for vehicle in snapshot.vehicles.iter_mut().filter(is_of_run) {
             (vehicle.status, vehicle.speed_mps) = (Status::Waiting, 0.0);
         }
         Arc::new(snapshot)

@@ -5,11 +5,14 @@ use city3d_protocol::snapshot::{EventKind, VehicleId};
 use city3d_sensors::Weather;
 use city3d_session::playback::Playhead;
 use city3d_session::{Order, RunPhase, Speed};
-use city3d_viewer::ui::{CameraMode, Command, KeyMap, Look, ManualDrive, SECTIONS, TimelineRange, UiAction};
+use city3d_viewer::ui::{
+    CameraMode, Command, KeyMap, Look, ManualDrive, SECTIONS, Shortcut, TimelineRange, UiAction,
+};
 use egui::{Key, Modifiers};
 use egui_kittest::Harness;
 use egui_kittest::kittest::Queryable;
 use std::collections::BTreeSet;
+use std::sync::Arc;
 
 fn commands() -> impl Iterator<Item = &'static Command> {
     SECTIONS.iter().flat_map(|section| section.commands.iter().copied())
@@ -172,7 +175,14 @@ fn the_manual_and_the_help_have_every_key() {
         let mut harness = harness(if is_of_replays { replay } else { local });
         press(&mut harness, Key::F1);
         harness.run_steps(5);
+        // Those of bookmarks are one row in the help.
+        let of_series = |text: &str, to: &str| {
+            let stem = text.strip_suffix(|end: char| end.is_ascii_digit());
+            let stem = stem.filter(|_| section.title == "Bookmarks");
+            stem.map_or_else(|| text.to_owned(), |stem| format!("{stem}1{to}9"))
+        };
         for (key, what) in rows {
+            let (key, what) = (of_series(&key, " ... "), of_series(&what, " to "));
             assert!(harness.query_all_by_label(&what).count() > 0, "the help lacks {what}");
             assert!(harness.query_all_by_label(&key).count() > 0, "the help lacks {key}");
         }
@@ -196,6 +206,49 @@ fn the_help_is_searched() {
     harness.state_mut().state.help_words = "unheard of".to_owned();
     harness.run_steps(5);
     harness.get_by_label("Nothing has these words.");
+}
+
+#[test]
+fn keys_of_bookmarks_are_one_row_of_the_help_unless_they_are_the_users_own() {
+    let mut harness = harness(Desk::with(fleet(1)));
+    press(&mut harness, Key::F1);
+    harness.run_steps(5);
+    for text in ["Ctrl+1 ... 9", "Go to bookmark 1 to 9", "Ctrl+Shift+1 ... 9", "Set bookmark 1 to 9"] {
+        harness.get_by_label(text);
+    }
+    assert!(harness.query_by_label("Go to bookmark 3").is_none());
+    let third = city3d_viewer::ui::bindings().find(|binding| binding.name == "Go to bookmark 3").unwrap();
+    let other = Shortcut::from_words("Ctrl+F8").unwrap();
+    Arc::make_mut(&mut harness.state_mut().state.keys).assign(&third, vec![other]);
+    harness.run_steps(5);
+    for text in ["Go to bookmark 1 to 2", "Go to bookmark 3", "Ctrl+F8", "Go to bookmark 4 to 9"] {
+        harness.get_by_label(text);
+    }
+    harness.state_mut().state.help_words = "bookmark 5".to_owned();
+    harness.run_steps(5);
+    harness.get_by_label("Go to bookmark 5");
+}
+
+#[test]
+fn the_palette_shows_a_page_of_rows_and_stays_where_it_is_while_one_types() {
+    let mut harness = harness(Desk::with(fleet(4)));
+    open_palette(&mut harness);
+    harness.run_steps(4);
+    let whole = harness.ctx.content_rect();
+    let rows = commands().filter(|command| {
+        harness.query_by_label(command.name).is_some_and(|row| whole.contains_rect(row.rect()))
+    });
+    assert!(rows.count() >= 12, "a page of rows");
+    let field = |harness: &Harness<'static, Desk>| {
+        let fields = harness.get_all_by_role(egui::accesskit::Role::TextInput);
+        fields.map(|field| field.rect()).find(|rect| rect.width() > 400.0).unwrap()
+    };
+    let before = field(&harness);
+    for typed in ["cam", "era", " nothing has this"] {
+        type_text(&mut harness, typed);
+        harness.run_steps(4);
+        assert_eq!(field(&harness), before, "after {typed}");
+    }
 }
 
 #[test]

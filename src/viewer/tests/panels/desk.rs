@@ -15,7 +15,7 @@ use city3d_viewer::ui::runs::{CurvesView, RunsView, StartLists};
 use city3d_viewer::ui::{
     self, Availability, ChartView, CityKind, ControlZoneArea, DriverNames, EditView, LiveTraffic, Look,
     PastView, QualityPreset, ReplayView, SECTIONS, ScenarioCamera, ScenarioChoice, UiAction, UiState,
-    VideoStatus, ViewModel,
+    VehicleNames, VideoStatus, ViewModel,
 };
 use egui_kittest::Harness;
 use egui_kittest::kittest::Queryable;
@@ -55,6 +55,7 @@ pub struct Desk {
     pub control_zones: Vec<ControlZoneArea>,
     pub walls: Vec<Wall>,
     pub loading: Option<String>,
+    pub names: VehicleNames,
     pub drivers: DriverNames,
     pub routes: BTreeMap<VehicleId, Vec<LaneId>>,
     pub cameras: BTreeMap<VehicleId, Vec<ScenarioCamera>>,
@@ -170,6 +171,7 @@ impl Desk {
             control_zones: Vec::new(),
             walls: Vec::new(),
             loading: None,
+            names: now.roster.iter().map(|info| (info.id, info.name.clone())).collect(),
             drivers: ids().map(|id| (id, "idm".to_owned())).collect(),
             routes: BTreeMap::new(),
             cameras: BTreeMap::new(),
@@ -219,6 +221,7 @@ impl Desk {
             map: &self.map,
             control_zones: &self.control_zones,
             walls: &self.walls,
+            names: &self.names,
             drivers: &self.drivers,
             routes: &self.routes,
             cameras: &self.cameras,
@@ -253,6 +256,7 @@ impl Desk {
                 vehicles: &edit.vehicles,
                 types: &edit.types,
                 drivers: &edit.drivers,
+                default_driver: "idm",
                 problems: &edit.problems,
                 is_checking: false,
                 is_changed: edit.has_history,

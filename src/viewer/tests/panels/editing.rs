@@ -1,10 +1,11 @@
 //! The editor: what the panel, the keys and the mouse ask for.
 
+use super::city::{has_text, picture, place, texts};
 use super::desk::{Desk, EditedFile, click, fleet, harness, map, press};
 use city3d_protocol::snapshot::VehicleId;
 use city3d_session::RunPhase;
-use city3d_simulation::scenario::VehicleEdit;
-use city3d_viewer::ui::{CameraMode, EditAction, EditTool, UiAction};
+use city3d_simulation::scenario::{StatedVehicle, VehicleEdit};
+use city3d_viewer::ui::{CameraMode, EditAction, EditTool, PictureSlot, UiAction};
 use egui::{Key, Modifiers, PointerButton, Pos2};
 use egui_kittest::Harness;
 use egui_kittest::kittest::Queryable;
@@ -137,4 +138,51 @@ fn clicks_on_lanes_place_a_vehicle_and_draw_its_route() {
     let state = &harness.state().state;
     assert_eq!((state.editing.tool, state.selection.vehicle), (EditTool::Select, Some(VehicleId(2))));
     assert_eq!(actions(&mut harness), []);
+}
+
+#[test]
+fn a_vehicle_that_cannot_start_is_drawn_where_the_file_states_it_and_can_be_dragged() {
+    let mut desk = editing();
+    desk.state.set_mode(CameraMode::Overhead);
+    let map = map();
+    let lane = map.lanes.iter().max_by(|a, b| a.curve.length().total_cmp(&b.curve.length())).unwrap();
+    let middle_m = lane.curve.length() / 2.0;
+    let stated = StatedVehicle {
+        id: VehicleId(9),
+        name: "block".to_owned(),
+        route: vec![lane.name.clone()],
+        at_m: middle_m / 25.0,
+        ..StatedVehicle::default()
+    };
+    let place_in_city = lane.curve.at(middle_m).pose.position;
+    desk.change(|now| now.vehicles.iter_mut().for_each(|v| v.position = place_in_city.extend(0.0)));
+    let edit = desk.edit.as_mut().unwrap();
+    (edit.vehicles, edit.problems) = (vec![stated], vec!["block and another one overlap".to_owned()]);
+    desk.state.viewpoint = city3d_viewer::ui::Viewpoint::around(&desk.run_state.now);
+    desk.state.selection.vehicle = None;
+    let mut harness = harness(desk);
+    harness.run_steps(60);
+    assert!(has_text(&harness, "9 block: cannot start here"), "{:?}", texts(&harness));
+    let view = picture(&harness, PictureSlot::City).view;
+    let pixel = view.project(place_in_city.extend(0.0)).unwrap();
+    let [width, height] = view.extent.map(f64::from);
+    let share = egui::Vec2::new((pixel.x / width) as f32, (pixel.y / height) as f32);
+    let from = place(&harness).min + share * place(&harness).size();
+    harness.hover_at(from);
+    harness.run_steps(1);
+    harness.drag_at(from);
+    harness.run_steps(1);
+    for step in 1..=4 {
+        harness.hover_at(from + egui::vec2(4.0 * step as f32, 0.0));
+        harness.run_steps(1);
+    }
+    harness.drop_at(from);
+    harness.run_steps(2);
+    let asked = actions(&mut harness);
+    let [EditAction::Move { vehicle, .. }] = &asked[..] else { panic!("{asked:?}") };
+    assert_eq!(*vehicle, VehicleId(9));
+    // Once the scenario has no problems, the city shows it itself.
+    harness.state_mut().edit.as_mut().unwrap().problems.clear();
+    harness.run_steps(2);
+    assert!(!has_text(&harness, "9 block: cannot start here"));
 }

@@ -1,5 +1,6 @@
 //! Panels are docked, moved, hidden and lifted; theme, size and units hold everywhere.
 
+use super::city::{place, spread};
 use super::desk::{Desk, click, fleet, harness, press, with};
 use city3d_protocol::snapshot::VehicleId;
 use city3d_viewer::ui::{Layout, Panel, PictureSlot, SpeedUnit, Theme};
@@ -11,6 +12,11 @@ use egui_kittest::kittest::Queryable;
 fn city_width(harness: &Harness<'static, Desk>) -> u32 {
     let pictures = &harness.state().state.pictures;
     pictures.iter().find(|picture| picture.slot == PictureSlot::City).unwrap().view.extent[0]
+}
+
+/// The line between the table and the city.
+fn table_edge(harness: &Harness<'static, Desk>) -> f32 {
+    place(harness).left()
 }
 
 fn drag(harness: &mut Harness<'static, Desk>, from: Pos2, to: Pos2) {
@@ -38,7 +44,7 @@ fn the_table_is_hidden_by_a_key_and_by_its_button_and_comes_back() {
         harness.key_press_modifiers(Modifiers::COMMAND, Key::B);
         harness.run_steps(3);
         assert!(harness.query_by_label("Status").is_none());
-        assert!(city_width(&harness) > narrow + 350, "{} of {narrow}", city_width(&harness));
+        assert!(city_width(&harness) > narrow + 300, "{} of {narrow}", city_width(&harness));
         harness.key_press_modifiers(Modifiers::COMMAND, Key::B);
         harness.run_steps(3);
         assert_eq!(city_width(&harness), narrow);
@@ -58,7 +64,7 @@ fn a_list_opens_below_the_table_and_covers_nothing() {
     harness.run_steps(3);
     assert_eq!(city_width(&harness), before);
     let (table, list) = (harness.get_by_label("Status").rect(), title(&harness, "Events"));
-    assert!(list.top() > table.bottom() && list.right() < 454.0, "{list:?} below {table:?}");
+    assert!(list.top() > table.bottom() && list.right() < table_edge(&harness), "{list:?} below {table:?}");
     // Both are tabs of one place; the last one is in front.
     harness.get_by_label("Nothing has been measured yet: start the run.");
     assert!(harness.query_by_label("Nothing has happened yet.").is_none());
@@ -75,7 +81,7 @@ fn a_panel_is_moved_by_its_title_and_restored() {
     press(&mut harness, Key::F3);
     harness.run_steps(3);
     let from = title(&harness, "Events").center();
-    assert!(from.x < 454.0, "{from:?}");
+    assert!(from.x < table_edge(&harness), "{from:?}");
     drag(&mut harness, from, Pos2::new(1270.0, 400.0));
     let moved = title(&harness, "Events");
     assert!(moved.left() > 800.0, "{moved:?}");
@@ -88,8 +94,8 @@ fn a_panel_is_moved_by_its_title_and_restored() {
 #[test]
 fn the_width_of_a_panel_is_kept_in_a_window_of_any_size_and_in_the_settings() {
     let mut harness = with(6);
-    let edge = Pos2::new(454.5, 400.0);
     let usual = city_width(&harness);
+    let edge = Pos2::new(table_edge(&harness) + 0.5, 400.0);
     drag(&mut harness, edge, edge - vec2(60.0, 0.0));
     let dragged = city_width(&harness);
     assert!((50..=70).contains(&(dragged - usual)), "{usual} {dragged}");
@@ -231,4 +237,56 @@ fn the_reverse_gear_moves_nothing_in_a_preview() {
         };
         assert_eq!(top(false, 13.9), top(true, -0.06), "{units:?}");
     }
+}
+
+#[test]
+fn a_second_view_leaves_previews_and_views_room() {
+    let mut desk = Desk::with(fleet(6));
+    desk.state.toggle_preview(VehicleId(1));
+    let mut harness = harness(desk);
+    let width = |harness: &Harness<'static, Desk>, slot: PictureSlot| {
+        let pictures = &harness.state().state.pictures;
+        pictures.iter().find(|picture| picture.slot == slot).unwrap().view.extent[0]
+    };
+    let alone = width(&harness, PictureSlot::Preview(VehicleId(1)));
+    harness.state_mut().state.open.views = [true, false];
+    harness.run_steps(4);
+    let [city, second] = [PictureSlot::City, PictureSlot::View(0)].map(|slot| width(&harness, slot));
+    assert!(city > 500 && second > 500, "{city} and {second}");
+    assert_eq!(width(&harness, PictureSlot::Preview(VehicleId(1))), alone, "previews keep their room");
+    harness.state_mut().state.open.views = [true, true];
+    harness.run_steps(4);
+    let [second, third] = [0, 1].map(|view| width(&harness, PictureSlot::View(view)));
+    assert!(second > 250 && third > 250, "{second} and {third}");
+}
+
+#[test]
+fn panels_open_beside_one_another_and_not_over_the_followed_vehicle() {
+    let mut desk = Desk::with(spread(3));
+    desk.state.selection.vehicle = Some(VehicleId(2));
+    let mut harness = harness(desk);
+    // A window with room for both beside the vehicle.
+    harness.set_size(vec2(1600.0, 900.0));
+    harness.run_steps(4);
+    press(&mut harness, Key::F);
+    harness.run_steps(60);
+    assert_eq!(harness.state().state.viewpoint.follow, Some(VehicleId(2)));
+    // What is opened first is the last of the list of panels, and yet hidden by none that follows.
+    press(&mut harness, Key::I);
+    harness.run_steps(4);
+    press(&mut harness, Key::F6);
+    harness.run_steps(4);
+    let [inspector, charts] =
+        ["Inspector", "Charts"].map(|title| harness.get_by_role_and_label(Role::Window, title).rect());
+    assert!(!inspector.intersects(charts), "{inspector:?} {charts:?}");
+    let vehicle = super::city::vehicle_at(&harness, 1);
+    for panel in [inspector, charts] {
+        assert!(!panel.contains(vehicle), "{panel:?} over the vehicle at {vehicle:?}");
+    }
+}
+
+#[test]
+fn entries_at_the_edge_of_a_list_do_not_look_disabled() {
+    let harness = with(6);
+    assert_eq!(harness.ctx.global_style().spacing.scroll.fade.strength, 0.0);
 }

@@ -6,8 +6,8 @@ use city3d_protocol::snapshot::{EventKind, VehicleId};
 use city3d_session::playback::{MarkKind, Occurrence, PlaybackCommand, Playhead, TimelineMark};
 use city3d_session::{Order, RunGoal, RunPhase};
 use city3d_viewer::ui::{
-    DecimalSeparator, KeyMap, ManualDrive, PastView, UiAction, VideoKind, VideoRequest, VideoStatus,
-    VideoSubject, announcement,
+    DecimalSeparator, KeyMap, ManualDrive, PastView, UiAction, VehicleNames, VideoKind, VideoRequest,
+    VideoStatus, VideoSubject, announcement,
 };
 use egui::{Key, Pos2};
 use egui_kittest::Harness;
@@ -165,6 +165,9 @@ fn who_drives_keeps_car_and_camera_when_a_collision_is_clicked() {
 #[test]
 fn what_is_grave_is_counted_and_shown_where_and_when_it_happened() {
     let mut harness = live();
+    // A narrower row leaves what is less grave to the list.
+    harness.set_size(egui::vec2(1600.0, 720.0));
+    harness.run_steps(4);
     harness.get_by_label("4 events");
     harness.get_by_label("2.00 s: 4 car4, merge");
     click(&mut harness, "1 long stop");
@@ -177,13 +180,13 @@ fn what_is_grave_is_counted_and_shown_where_and_when_it_happened() {
     click(&mut harness, "2 collisions");
     click(&mut harness, "1 lost link");
     assert_eq!(cues(&mut harness), [2.4, 2.45].map(PlaybackCommand::Show));
-    let snapshot = fleet(6);
+    let names: VehicleNames = fleet(6).roster.iter().map(|info| (info.id, info.name.clone())).collect();
     let keys = KeyMap::default();
     let usual = (&keys, DecimalSeparator::Point);
-    assert_eq!(announcement(&snapshot, &some()[..1], usual), None, "a stop is usual");
-    let said = announcement(&snapshot, &some(), usual).unwrap();
+    assert_eq!(announcement(&names, &some()[..1], usual), None, "a stop is usual");
+    let said = announcement(&names, &some(), usual).unwrap();
     assert_eq!(said, "1.25 s: 3 car3, collision with 5, and 1 more (G shows the last)");
-    let said = announcement(&snapshot, &[lost], usual).unwrap();
+    let said = announcement(&names, &[lost], usual).unwrap();
     assert_eq!(said, "2.45 s: 5 car5, link lost (G shows it)");
 }
 
@@ -280,4 +283,36 @@ fn nothing_moves_when_one_looks_back() {
     let before = left(&harness);
     look_back(&mut harness);
     assert_eq!(left(&harness), before);
+}
+
+#[test]
+fn who_has_left_the_city_keeps_its_name_in_events() {
+    let mut harness = live();
+    let desk = harness.state_mut();
+    desk.names.insert(VehicleId(9), "visitor".to_owned());
+    desk.events = vec![mark(2.2, 9, Occurrence::Event(EventKind::Stop))];
+    harness.run_steps(2);
+    harness.get_by_label("2.20 s: 9 visitor, stop");
+    press(&mut harness, Key::F3);
+    harness.run_steps(2);
+    harness.get_by_label("9 visitor");
+}
+
+#[test]
+fn what_happens_does_not_change_the_height_of_the_bar() {
+    for width in [1280.0, 1180.0, 1040.0, 960.0, 800.0] {
+        let mut harness = live();
+        harness.set_size(egui::vec2(width, 720.0));
+        harness.state_mut().events.clear();
+        harness.run_steps(4);
+        let top = |harness: &Harness<'static, Desk>| harness.get_by_label("\u{23e9} Live").rect().top();
+        let before = top(&harness);
+        let desk = harness.state_mut();
+        desk.names.insert(VehicleId(3), "a vehicle with quite a long name".to_owned());
+        desk.events = some();
+        desk.events.extend([collision(2.4, 6, 1), mark(2.45, 5, Occurrence::Event(EventKind::LinkLost))]);
+        desk.events.push(mark(2.5, 3, Occurrence::Event(EventKind::Stop)));
+        harness.run_steps(4);
+        assert_eq!(top(&harness), before, "in a window of {width} points");
+    }
 }

@@ -72,7 +72,10 @@ fn one_vehicle_is_listed_with_what_the_snapshot_says() {
         (vehicle.status, vehicle.speed_mps) = (Status::Yielding, 10.0);
         vehicle.position = DVec3::new(-66.25, 13.0, 0.0);
     });
-    let harness = harness(desk);
+    let mut harness = harness(desk);
+    assert!(harness.query_by_label("idm").is_none(), "the driver waits for a wider window");
+    harness.set_size(egui::vec2(1600.0, 900.0));
+    harness.run_steps(4);
     for label in ["car1", "idm", "yielding", "36.0", "13.0"] {
         harness.get_by_label(label);
     }

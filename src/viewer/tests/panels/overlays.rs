@@ -214,10 +214,13 @@ fn vehicles_are_coloured_by_status_speed_or_waiting_time_and_the_legend_says_so(
         [lines[0].paint.colour, lines[12].paint.colour]
     };
     assert_eq!(colours(&harness)[0], colours(&harness)[1], "both are driving");
+    assert!(harness.state().state.tints.is_empty(), "bodies have their own colours");
     harness.state_mut().state.layers.colour = ColourBy::Speed;
     harness.run_steps(2);
     let [slow, fast] = colours(&harness);
     assert!(slow != fast && fast[0] > 240, "{slow:?} {fast:?}");
+    let tints: Vec<[u8; 3]> = harness.state().state.tints.iter().map(|(_, colour)| *colour).collect();
+    assert_eq!(tints[..2], [&slow[..3], &fast[..3]], "bodies have the colours of their boxes");
     assert!(has_text(&harness, "speed: 0 to 50 km/h"), "{:?}", texts(&harness));
     harness.state_mut().state.layers.colour = ColourBy::Waiting;
     for _ in 0..30 {

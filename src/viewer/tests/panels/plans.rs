@@ -238,3 +238,31 @@ fn of_a_log_the_same_is_shown_as_in_its_run() {
     desk.control_zones = control_zones;
     assert_eq!(shown_words(desk, last), live);
 }
+
+#[test]
+fn the_inspector_tells_zone_arrival_and_place_in_the_queue() {
+    let mut desk = coordinated();
+    let planned = planned(&desk);
+    let now_s = desk.run_state.now.time_s;
+    let waiting: Vec<_> = planned.iter().filter(|(_, enters_s, _)| *enters_s > 0.0).collect();
+    let (second, enters_s, _) = *waiting[1];
+    desk.state.open.inspector = true;
+    desk.state.selection.vehicle = Some(second);
+    assert!(desk.state.shows_plans(), "its plans are asked for");
+    let mut harness = harness(desk);
+    let coordination = harness.state().run_state.coordination.clone().unwrap();
+    let zone = coordination.vehicle(second).unwrap().zone;
+    let is_queued = |(id, ..): &&&(VehicleId, f64, f64)| coordination.vehicle(*id).unwrap().zone == zone;
+    let queue: Vec<_> = waiting.iter().filter(is_queued).map(|(id, ..)| *id).collect();
+    let unplanned = coordination.vehicles.iter().filter(|v| v.zone == zone && v.plan.is_err()).count();
+    let place = queue.iter().position(|id| *id == second).unwrap() + 1;
+    harness.get_by_label(&format!(
+        "west-roundabout: first conflict at {:.1} s (in {enters_s:.1} s), {place} of {} in the queue",
+        now_s + enters_s,
+        queue.len() + unplanned
+    ));
+    harness.state_mut().run_state.coordination = None;
+    harness.state_mut().control_zones.clear();
+    harness.run_steps(3);
+    assert!(harness.query_by_label_contains("first conflict").is_none(), "no zones, no plans");
+}

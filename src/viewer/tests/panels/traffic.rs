@@ -1,12 +1,13 @@
-//! The panel Traffic: what a run costs while it goes on, and the time-space diagram.
+//! The panel Traffic: what a run costs while it goes on, and the space-time diagram.
 
+use super::city::texts;
 use super::desk::{Desk, Recording, harness, present, press};
 use city3d_protocol::snapshot::VehicleId;
 use city3d_session::TrafficRecorder;
 use city3d_session::playback::Playhead;
 use city3d_simulation::runner::Run;
 use city3d_simulation::scenario::{Library, Overrides, read_experiment};
-use city3d_viewer::ui::{LiveTraffic, PastView};
+use city3d_viewer::ui::{ChartKind, LiveTraffic, PastView};
 use egui_kittest::kittest::Queryable;
 use std::sync::Arc;
 
@@ -57,13 +58,21 @@ fn the_panel_has_the_numbers_of_the_run() {
 fn the_diagram_is_that_of_the_selected_vehicle() {
     let mut harness = harness(roundabout(15));
     press(&mut harness, egui::Key::F4);
-    let hint = "Select a vehicle to see the time-space diagram of its route.";
+    let hint = "Select a vehicle to see the space-time diagram of its route.";
     assert!(harness.query_by_label(hint).is_some());
     harness.state_mut().state.selection.vehicle = Some(VehicleId(1));
     harness.run_steps(3);
     assert!(harness.query_by_label(hint).is_none());
-    let diagram = "Time-space diagram: front bumpers along the selected vehicle's route, m";
-    assert!(harness.query_by_label(diagram).is_some());
+    harness.get_by_label("Space-time diagram: the way of 1 path1_a");
+    // Its lines have names, and its bands are explained.
+    harness.set_size(egui::vec2(1280.0, 1400.0));
+    harness.run_steps(4);
+    harness.get_by_label("conflict zone: merge");
+    let names = texts(&harness).into_iter().filter(|text| text == "1 path1_a" || text == "2 path1_b");
+    // In the label over the city and in the diagram.
+    assert_eq!(names.count(), 4, "{:?}", texts(&harness));
+    // Charts have a figure of the same name.
+    assert!(ChartKind::SpaceTime.label().starts_with("Space-time diagram"));
 }
 
 #[test]

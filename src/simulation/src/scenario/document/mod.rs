@@ -124,6 +124,12 @@ impl ScenarioDocument {
         self.names_in("driver", &["default", HUMAN])
     }
 
+    /// Control algorithm of vehicles without a driver.
+    pub fn default_controller(&self) -> &str {
+        let driver = self.document.get("driver").and_then(|drivers| drivers.get("default"));
+        driver.and_then(|driver| driver.get("controller")).and_then(Item::as_str).unwrap_or("idm")
+    }
+
     /// States a `[driver]` of this name with a control algorithm, unless there is one of this name.
     pub fn state_driver(&mut self, name: &str, controller: &str) {
         let mut drivers = Table::new();

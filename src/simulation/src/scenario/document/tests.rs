@@ -66,6 +66,9 @@ fn what_a_table_states_and_leaves_out_is_told() {
     assert_eq!((second.id, second.name.as_str(), second.speed_mps), (VehicleId(2), "cav2", 0.0));
     assert_eq!(second.cameras, Some(vec!["windscreen".to_owned()]));
     assert_eq!(document.drivers(), ["default", "human", "slow"]);
+    assert_eq!(document.default_controller(), "idm", "what the format has where nothing is stated");
+    let stated = ScenarioDocument::parse("[driver.default]\ncontroller = \"cacc\"\n").unwrap();
+    assert_eq!(stated.default_controller(), "cacc");
     assert_eq!(document.types(), ["default"]);
 }
 

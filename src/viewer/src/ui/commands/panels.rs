@@ -16,7 +16,7 @@ registry!(
     EVENTS = Command::always("List of events", &[key(Key::F3)], |c| {
         c.state.open.events = !c.state.open.events;
     }),
-    TRAFFIC = Command::always("Traffic: delay, safety, time-space diagram", &[key(Key::F4)], |c| {
+    TRAFFIC = Command::always("Traffic: delay, safety, space-time diagram", &[key(Key::F4)], |c| {
         c.state.open.traffic = !c.state.open.traffic;
     }),
     LAYERS = Command::always("Layers: overlays of the city", &[], |c| {

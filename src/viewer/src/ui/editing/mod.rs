@@ -3,9 +3,11 @@
 
 mod panel;
 mod tools;
+mod unplaced;
 
 pub(super) use panel::show;
 pub(super) use tools::{add_overlay, click, drag, paint};
+pub(super) use unplaced::pick;
 
 use super::{UiAction, UiState};
 use city3d_protocol::snapshot::VehicleId;
@@ -21,6 +23,8 @@ pub struct EditView<'a> {
     pub types: &'a [String],
     /// Names of drivers to choose from.
     pub drivers: &'a [String],
+    /// Control algorithm of vehicles without a driver.
+    pub default_driver: &'a str,
     /// What is wrong, with the remedy; nothing where it can be run.
     pub problems: &'a [String],
     /// The latest change has not been checked yet.

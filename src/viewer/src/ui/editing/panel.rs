@@ -129,9 +129,7 @@ fn of_vehicle(
         let edited =
             choice(ui, "Type", (vehicle.vehicle_type.as_ref(), edit.types, DEFAULT), VehicleEdit::Type);
         row(ui, edited);
-        // By what the vehicle is controlled where the file states no driver.
-        let algorithm = shown.drivers.get(&id).filter(|_| vehicle.driver.is_none());
-        let default = algorithm.map_or_else(|| DEFAULT.to_owned(), |name| format!("{DEFAULT} ({name})"));
+        let default = format!("{DEFAULT} ({})", edit.default_driver);
         let drivers = (vehicle.driver.as_ref(), edit.drivers, default.as_str());
         let edited = choice(ui, "Driver", drivers, VehicleEdit::Driver);
         row(ui, edited);
@@ -198,7 +196,8 @@ fn choice(
         ui,
         |ui| {
             for name in names {
-                if ui.selectable_label(name == present, name).clicked() && name != present {
+                let text = if name == DEFAULT { unstated } else { name };
+                if ui.selectable_label(name == present, text).clicked() && name != present {
                     chosen = Some(edit((name != DEFAULT).then(|| name.clone())));
                 }
             }

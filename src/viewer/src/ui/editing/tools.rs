@@ -1,6 +1,6 @@
 //! The tools in the city: what clicks and drags do to the edited scenario, and what is drawn for them.
 
-use super::{EditAction, EditTool, push};
+use super::{EditAction, EditTool, push, unplaced};
 use crate::ui::layers::Canvas;
 use crate::ui::overlay;
 use crate::ui::{UiAction, UiState, ViewModel};
@@ -79,6 +79,7 @@ pub fn drag(
     let Some(edit) = &shown.edit else { return false };
     if response.drag_started_by(PointerButton::Primary) && state.editing.tool == EditTool::Select {
         let from = response.ctx.input(|input| input.pointer.press_origin());
+        let picked = |at| unplaced::pick(canvas, shown, at).or_else(|| picked(at));
         state.editing.moving = from.and_then(picked).filter(|id| edit.vehicle(*id).is_some());
         if state.editing.moving.is_some() {
             state.selection.vehicle = state.editing.moving;
@@ -95,9 +96,11 @@ pub fn drag(
     true
 }
 
-/// Draws the lane and the place under the mouse, while a tool is on.
+/// Draws the vehicles that cannot start, and the lane and the place under the mouse while a tool is on.
 pub fn add_overlay(to: &mut Overlay, state: &UiState, shown: &ViewModel<'_>, ground: Option<DVec2>) {
-    if shown.edit.is_none() || !state.editing.is_busy() {
+    let Some(edit) = &shown.edit else { return };
+    unplaced::add(to, shown, edit);
+    if !state.editing.is_busy() {
         return;
     }
     let Some(place) = lane_at(shown, ground) else { return };
@@ -107,9 +110,10 @@ pub fn add_overlay(to: &mut Overlay, state: &UiState, shown: &ViewModel<'_>, gro
     overlay::disc(to, foot, 0.9, overlay::paint(overlay::EDITED, 1.0));
 }
 
-/// Writes what the next click does.
+/// Names the vehicles that cannot start, and writes what the next click does.
 pub fn paint(canvas: &Canvas<'_>, state: &UiState, shown: &ViewModel<'_>) {
     let Some(edit) = &shown.edit else { return };
+    unplaced::paint(canvas, shown, edit);
     let selected = state.selection.vehicle.and_then(|id| edit.vehicle(id));
     let text = match (state.editing.tool, selected) {
         _ if state.editing.moving.is_some() => "Release the mouse on the lane where it starts".to_owned(),

@@ -1,13 +1,15 @@
 //! Panels and their places: docked around the city as tiles that are moved, resized and hidden, or floating over it.
 
+mod floating;
 mod sizes;
 mod stored;
 
 pub use stored::StoredLayout;
 
+use self::floating::FloatingPlaces;
 use super::panels::{self, Home, Panel, PanelEntry, entry};
 use super::{UiAction, UiState, ViewModel};
-use egui::{Align2, Pos2, Rect, Ui, Vec2, WidgetText, vec2};
+use egui::{Rect, Ui, Vec2, WidgetText, vec2};
 use egui_tiles::{Behavior, SimplificationOptions, Tabs, TileId, Tiles, Tree, UiResponse};
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -20,6 +22,8 @@ pub struct Layout {
     points: BTreeMap<u64, f32>,
     /// Sizes in this frame, which the room may limit.
     fitted: BTreeMap<u64, f32>,
+    /// Floating panels that were open in the last frame.
+    lifted: BTreeSet<Panel>,
 }
 
 impl Default for Layout {
@@ -31,20 +35,20 @@ impl Default for Layout {
         };
         let (vehicles, below) = (tabs(&[Panel::Vehicles]), tabs(&panels::with_home(Home::BelowVehicles)));
         let (city, cameras) = (tabs(&[Panel::City]), tabs(&panels::with_home(Home::Right)));
-        // One below the other: side by side with the city each has the height that a column has.
-        let views = panels::with_home(Home::BesideCity).into_iter().map(|panel| tabs(&[panel])).collect();
+        let views = panels::with_home(Home::BelowCity).into_iter().map(|panel| tabs(&[panel])).collect();
         let left = tiles.insert_vertical_tile(vec![vehicles, below]);
-        let views = tiles.insert_vertical_tile(views);
-        let root = tiles.insert_horizontal_tile(vec![left, city, views, cameras]);
+        // Below the city, side by side: beside it they would be narrow, and take the room of the columns.
+        let views = tiles.insert_horizontal_tile(views);
+        let middle = tiles.insert_vertical_tile(vec![city, views]);
+        let root = tiles.insert_horizontal_tile(vec![left, middle, cameras]);
         let tree = Tree::new(egui::Id::unique("layout"), root, tiles);
-        let points = [(left.0, LEFT), (cameras.0, RIGHT)].into();
+        let points = [(cameras.0, RIGHT)].into();
         let floating = panels::with_home(Home::Floating).into_iter().collect();
-        Self { tree, floating, points, fitted: BTreeMap::new() }
+        Self { tree, floating, points, fitted: BTreeMap::new(), lifted: BTreeSet::new() }
     }
 }
 
-/// Widths of the columns beside the city, points.
-const LEFT: f32 = 454.0;
+/// Width of the column with the previews, points.
 const RIGHT: f32 = 284.0;
 /// Height of the bar with the titles, points.
 const TAB_BAR: f32 = 22.0;
@@ -135,27 +139,38 @@ impl Layout {
         actions: &mut Vec<UiAction>,
     ) {
         let city = self.city().unwrap_or_else(|| ui.ctx().content_rect());
-        let room = ui.ctx().content_rect().shrink2(vec2(12.0, 48.0));
-        let mut taken: Vec<Rect> = Vec::new();
-        for PanelEntry { panel, title, size, is_open, close, show, .. } in &panels::ALL {
-            if !is_open(state) || !self.is_floating(*panel) {
-                continue;
-            }
-            let size = Vec2::from(*size).min(room.size());
+        let places = FloatingPlaces {
+            city,
+            room: ui.ctx().content_rect().shrink2(vec2(12.0, 48.0)),
+            vehicle: super::city::watched(state, shown, city),
+        };
+        let is_lifted = |entry: &&PanelEntry| (entry.is_open)(state) && self.is_floating(entry.panel);
+        let open: Vec<&PanelEntry> = panels::ALL.iter().filter(is_lifted).collect();
+        let window = |panel: Panel| egui::Id::unique(("floating", panel));
+        let rects = |panel: &Panel| ui.ctx().memory(|memory| memory.area_rect(window(*panel)));
+        let mut taken: Vec<Rect> = self.lifted.iter().filter_map(rects).collect();
+        let was_open = std::mem::replace(&mut self.lifted, open.iter().map(|entry| entry.panel).collect());
+        for PanelEntry { panel, title, size, close, show, .. } in open {
+            let size = Vec2::from(*size).min(places.room.size());
             let (mut stays_open, mut stays_floating) = (true, true);
-            let window = egui::Window::new(*title)
-                .id(egui::Id::unique(("floating", *panel)))
+            let mut floating = egui::Window::new(*title)
+                .id(window(*panel))
                 .open(&mut stays_open)
-                .default_pos(free_place(city, size, &taken))
                 .default_size(size)
                 .resizable(true)
                 .collapsible(false)
-                .constrain_to(room);
-            let response = window.show(ui.ctx(), |ui| {
+                .constrain_to(places.room);
+            if !was_open.contains(panel) {
+                floating = floating.current_pos(places.free((rects(panel), size), &taken));
+            }
+            let response = floating.show(ui.ctx(), |ui| {
                 stays_floating = !dock_button(ui);
                 show(ui, state, shown, actions);
             });
-            taken.extend(response.map(|response| response.response.rect));
+            if let Some(response) = response.filter(|_| !was_open.contains(panel)) {
+                ui.ctx().move_to_top(response.response.layer_id);
+                taken.push(response.response.rect);
+            }
             if !stays_open {
                 close(state);
             }
@@ -171,15 +186,6 @@ fn dock_button(ui: &mut Ui) -> bool {
     let layout = egui::Layout::right_to_left(egui::Align::Center);
     let dock = ui.allocate_ui_with_layout(line, layout, |ui| ui.small_button("Dock")).inner;
     dock.on_hover_text("Put it beside the city").clicked()
-}
-
-/// The first corner of the city where a window of a size hides no other, else the first corner.
-fn free_place(city: Rect, size: Vec2, taken: &[Rect]) -> Pos2 {
-    let inside = city.shrink(12.0);
-    let corners = [Align2::LEFT_TOP, Align2::RIGHT_TOP, Align2::LEFT_BOTTOM, Align2::RIGHT_BOTTOM];
-    let places = corners.map(|corner| corner.align_size_within_rect(size, inside));
-    let free = places.iter().find(|place| !taken.iter().any(|other| other.intersects(**place)));
-    free.unwrap_or(&places[0]).min
 }
 
 /// Shows the tiles of one frame, and notes what their buttons ask for.

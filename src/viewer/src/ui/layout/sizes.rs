@@ -7,12 +7,16 @@ use egui_tiles::{Container, Linear, LinearDir, Tile, TileId};
 
 /// Least extent of a tile, points.
 pub(super) const LEAST: f32 = 160.0;
+/// Least width of a column with previews, points: pedals and plots of a preview stay legible.
+const LEAST_WITH_PREVIEWS: f32 = 240.0;
 /// Usual and largest extent of a tile beside the city, points.
 const USUAL: f32 = 300.0;
 const LARGEST: f32 = 640.0;
 /// Largest fraction of the room for a tile beside the city, and for one with the table.
 const MOST: f32 = 0.333;
 const MOST_WITH_TABLE: f32 = 0.36;
+/// Usual fraction for views beside or below the first one.
+const USUAL_WITH_VIEWS: f32 = 0.45;
 
 impl Layout {
     /// Gives the rows and columns around the city their sizes in a room.
@@ -23,18 +27,23 @@ impl Layout {
             let Some((dir, beside)) = self.beside(tile, city) else { continue };
             let extent = if dir == LinearDir::Horizontal { &mut room.x } else { &mut room.y };
             let third = (*extent * MOST).clamp(0.0, LARGEST);
-            let others = LEAST.min(third) * beside.len().saturating_sub(1) as f32;
             let mut left = *extent;
-            for child in beside {
-                let has_table = dir == LinearDir::Horizontal && self.holds(child, Panel::Vehicles);
-                let most = if has_table {
+            let least: Vec<f32> = beside.iter().map(|child| self.least((dir, *extent), *child)).collect();
+            for (place, child) in beside.iter().enumerate() {
+                let others: f32 = least[place + 1..].iter().map(|least| least.min(third)).sum();
+                let has_table = dir == LinearDir::Horizontal && self.holds(*child, Panel::Vehicles);
+                let has_views = self.holds(*child, Panel::SecondView) || self.holds(*child, Panel::ThirdView);
+                let (most, usual) = match (has_table, has_views) {
                     // Numbers, statuses, positions and speeds stay in view.
-                    table.min(*extent - third - others).max(*extent * MOST_WITH_TABLE).min(LARGEST)
-                } else {
-                    third.min((left - third).max(0.0))
+                    (true, _) => {
+                        let most = table.min(*extent - third - others).max(*extent * MOST_WITH_TABLE);
+                        (most.min(LARGEST), vehicles::usual_width(ui, *extent))
+                    }
+                    (false, true) => ((left - third - others).max(0.0), *extent * USUAL_WITH_VIEWS),
+                    (false, false) => (third.min((left - third - others).max(0.0)), USUAL),
                 };
-                let wanted = self.points.get(&child.0).copied().unwrap_or(USUAL);
-                let points = wanted.clamp(LEAST.min(most), most);
+                let wanted = self.points.get(&child.0).copied().unwrap_or(usual);
+                let points = wanted.clamp(least[place].min(most), most);
                 left -= points;
                 self.fitted.insert(child.0, points);
             }
@@ -91,6 +100,17 @@ impl Layout {
         let linear = self.linear(tile)?;
         let is_beside = |child: &&TileId| **child != city && self.tree.is_visible_in_layout(**child);
         Some((linear.dir, linear.children.iter().filter(is_beside).copied().collect()))
+    }
+
+    /// Least extent of a tile in a row or column of some extent.
+    fn least(&self, (dir, extent): (LinearDir, f32), tile: TileId) -> f32 {
+        /// A narrow window needs the room for the table.
+        const MOST_WITH_PREVIEWS: f32 = 0.25;
+        let is_column = dir == LinearDir::Horizontal;
+        match is_column && self.holds(tile, Panel::Cameras) {
+            true => LEAST_WITH_PREVIEWS.min(MOST_WITH_PREVIEWS * extent).max(LEAST),
+            false => LEAST,
+        }
     }
 
     fn holds(&self, tile: TileId, panel: Panel) -> bool {

@@ -4,7 +4,9 @@
 mod roads;
 mod vehicles;
 
-pub(super) use roads::{CROSSING, EDITED, LANE, MANY_ROUTES, MERGE, ROUTES_APART, body_colour, whole_lane};
+pub(super) use roads::{
+    CROSSING, EDITED, LANE, MANY_ROUTES, MERGE, ROUTE, ROUTES_APART, body_colour, whole_lane,
+};
 pub(super) use vehicles::{CLOSE_GAP, CLOSE_S, DRIVEN, FRUSTUM, GAP, MEASURED, PLANNED, bumper_gap, corners};
 
 use super::layers::Canvas;
@@ -52,5 +54,21 @@ pub(super) fn disc(overlay: &mut Overlay, middle: DVec2, radius_m: f64, paint: O
     let rim: Vec<DVec3> = (0..CORNERS).map(corner).collect();
     for k in 0..rim.len() {
         overlay.triangle([above(middle), rim[k], rim[(k + 1) % rim.len()]], paint);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::ui::theme::vision::least_difference;
+
+    #[test]
+    fn everybody_tells_the_colours_of_the_legend_apart() {
+        let colours =
+            [LANE, CROSSING, MERGE, ROUTE, MANY_ROUTES, DRIVEN, PLANNED, GAP, CLOSE_GAP, MEASURED, FRUSTUM];
+        let least = least_difference(&colours);
+        assert!(least > 25.0, "{least:.1}");
+        let reds = [[255, 90, 80], [255, 110, 80]].map(|[r, g, b]| Color32::from_rgb(r, g, b));
+        assert!(least_difference(&reds) < 15.0, "the measure sees what is alike");
     }
 }

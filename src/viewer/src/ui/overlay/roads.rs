@@ -16,17 +16,18 @@ const STEP_M: f64 = 2.0;
 const ZONE_TINT: f32 = 0.22;
 /// Opacity of conflict zones, of which each has two sides one over the other.
 const CONFLICT_TINT: f32 = 0.3;
-/// Colours of lanes and conflict zones, which the legend explains.
-pub const LANE: Color32 = Color32::from_rgb(120, 220, 255);
-pub const MERGE: Color32 = Color32::from_rgb(255, 180, 60);
-pub const CROSSING: Color32 = Color32::from_rgb(255, 90, 80);
+/// Colours of lanes, conflict zones and the route of the selected vehicle, which the legend explains.
+pub const LANE: Color32 = Color32::from_rgb(71, 189, 252);
+pub const MERGE: Color32 = Color32::from_rgb(255, 134, 0);
+pub const CROSSING: Color32 = Color32::from_rgb(206, 44, 90);
+pub const ROUTE: Color32 = Color32::from_rgb(65, 60, 255);
 /// Colour of what the editor's tools are at, and of the route that is drawn.
 pub const EDITED: Color32 = Color32::from_rgb(255, 220, 90);
 /// Routes on a lane lie beside one another, so far apart, as long as they are no more than this.
 pub const ROUTES_APART: usize = 7;
 const ROUTE_SPACING_M: f64 = 0.4;
 /// More of them are one line in this colour, whose width grows with their number.
-pub const MANY_ROUTES: Color32 = Color32::from_rgb(205, 205, 215);
+pub const MANY_ROUTES: Color32 = Color32::from_rgb(180, 180, 180);
 const MANY_ROUTES_WIDTH: f32 = 2.5;
 const WIDTH_OF_ROUTE: f32 = 0.12;
 const WIDEST_ROUTES: f32 = 9.0;
@@ -106,7 +107,7 @@ fn across(map: &CityMap, lane: LaneId, at_m: f64) -> [DVec3; 2] {
     [0.5, -0.5].map(|share| above(pose.point_at(0.0, share * lane.width_m)))
 }
 
-/// Routes: those of all vehicles, and on top of them that of the selected one, wide, with its own colour and a white edge.
+/// Routes: those of all vehicles, and on top of them that of the selected one, wide, with a white edge.
 fn routes(overlay: &mut Overlay, state: &UiState, shown: &ViewModel<'_>) {
     let selected = state.selection.vehicle;
     if state.layers.all_routes {
@@ -116,7 +117,7 @@ fn routes(overlay: &mut Overlay, state: &UiState, shown: &ViewModel<'_>) {
         selected.filter(|_| state.layers.routes || state.layers.all_routes || shown.edit.is_some())
     {
         route(overlay, shown, id, (6.0, paint(Color32::WHITE, 0.8)));
-        let colour = if shown.edit.is_some() { EDITED } else { body_colour(shown, id) };
+        let colour = if shown.edit.is_some() { EDITED } else { ROUTE };
         route(overlay, shown, id, (4.0, paint(colour, 1.0)));
     }
 }

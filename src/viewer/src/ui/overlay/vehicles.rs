@@ -16,11 +16,11 @@ use glam::{DVec2, DVec3};
 
 /// Colours that the legend explains.
 pub const DRIVEN: Color32 = Color32::from_rgb(255, 255, 255);
-pub const PLANNED: Color32 = Color32::from_rgb(110, 230, 140);
-pub const GAP: Color32 = Color32::from_rgb(255, 225, 90);
-pub const CLOSE_GAP: Color32 = Color32::from_rgb(255, 110, 80);
-pub const MEASURED: Color32 = Color32::from_rgb(230, 120, 255);
-pub const FRUSTUM: Color32 = Color32::from_rgb(255, 150, 40);
+pub const PLANNED: Color32 = Color32::from_rgb(51, 234, 132);
+pub const GAP: Color32 = Color32::from_rgb(255, 250, 108);
+pub const CLOSE_GAP: Color32 = Color32::from_rgb(220, 60, 178);
+pub const MEASURED: Color32 = Color32::from_rgb(132, 113, 255);
+pub const FRUSTUM: Color32 = Color32::from_rgb(200, 70, 20);
 const OUTLINE: Color32 = Color32::from_rgb(255, 240, 120);
 
 /// Margin of the outline around the body.

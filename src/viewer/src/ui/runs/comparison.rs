@@ -187,8 +187,9 @@ fn table(ui: &mut Ui, pairs: &[MeasurePair], (preferences, scale): (Preferences,
         .column(Column::remainder().at_least(180.0).clip(true))
         .columns(Column::exact(84.0), 3);
     let table = builder.header(ROW_HEIGHT, |mut header| {
-        for title in ["Measure", "A", "B", "B - A"] {
-            header.col(|ui| _ = ui.strong(title));
+        header.col(|ui| _ = ui.strong("Measure"));
+        for title in ["A", "B", "B - A"] {
+            header.col(|ui| at_right(ui, RichText::new(title).strong()));
         }
     });
     table.body(|body| {
@@ -201,20 +202,25 @@ fn table(ui: &mut Ui, pairs: &[MeasurePair], (preferences, scale): (Preferences,
             for value in pair.values {
                 let text =
                     value.map_or_else(|| "-".to_owned(), |value| decimal.fixed(value * factor, digits));
-                line.col(|ui| _ = ui.monospace(text));
+                line.col(|ui| at_right(ui, RichText::new(text).monospace()));
             }
             line.col(|ui| {
                 let text = pair.difference().map(|difference| format!("{:+.digits$}", difference * factor));
                 // No difference is said without a sign.
                 let is_zero = text.as_deref().is_some_and(|text| text.parse() == Ok(0.0));
-                _ = ui.monospace(match text {
+                let text = match text {
                     Some(_) if is_zero => "0".to_owned(),
                     Some(text) => decimal.written(text),
                     None => "-".to_owned(),
-                });
+                };
+                at_right(ui, RichText::new(text).monospace());
             });
         });
     });
+}
+
+fn at_right(ui: &mut Ui, text: RichText) {
+    ui.with_layout(Layout::right_to_left(Align::Center), |ui| ui.label(text));
 }
 
 /// One quantity of one vehicle in both runs.

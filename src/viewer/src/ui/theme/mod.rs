@@ -1,8 +1,13 @@
 //! Themes: colours of panels, texts and statuses.
 
+mod contrast;
 mod decimal;
 mod preferences;
 
+pub use contrast::difference;
+use contrast::legible;
+#[cfg(test)]
+pub use contrast::vision;
 pub use decimal::{DecimalSeparator, typed};
 pub use preferences::{Preferences, SCALES, SpeedUnit, StatusColours, Theme};
 
@@ -27,6 +32,8 @@ pub(super) fn apply(context: &Context, preferences: Preferences) {
             decimal.written(egui::emath::format_with_decimals_in_range(number, decimals))
         };
         style.number_formatter = egui::style::NumberFormatter::new(written);
+        // A faded entry at the edge of a list looks as if it could not be chosen.
+        style.spacing.scroll.fade.strength = 0.0;
     });
     // Ctrl with + and - are actions.
     context.options_mut(|options| options.zoom_with_keyboard = false);
@@ -64,6 +71,11 @@ fn ground_of(theme: Theme) -> Color32 {
 
 /// The background behind labels over the city, in every theme: dark and nearly opaque.
 pub const ON_PICTURE: Color32 = Color32::from_black_alpha(215);
+/// What [`ON_PICTURE`] leaves of a white picture.
+const BRIGHTEST_LABEL: Color32 = Color32::from_gray(40);
+/// Least contrasts of texts and of lines (WCAG 2.2, success criteria 1.4.3 and 1.4.11).
+const TEXT_CONTRAST: f64 = 4.5;
+const LINE_CONTRAST: f64 = 3.0;
 
 fn dark() -> Visuals {
     let mut visuals = Visuals::dark();
@@ -102,6 +114,16 @@ pub fn on_panel(context: &Context, status: Status) -> Color32 {
 /// The colour of a status on a picture of the city, which is as dark in every theme.
 pub fn on_picture(context: &Context, status: Status) -> Color32 {
     status_colour(Theme::Dark, of(context).unwrap_or_default().colours, status)
+}
+
+/// A colour of the city, as of a body, for a text on the dark ground of labels over a picture.
+pub fn text_on_picture(colour: Color32) -> Color32 {
+    legible(colour, BRIGHTEST_LABEL, TEXT_CONTRAST)
+}
+
+/// A colour of a body for lines on a panel.
+pub fn line_on_ground(context: &Context, colour: Color32) -> Color32 {
+    legible(colour, ground(context), LINE_CONTRAST)
 }
 
 /// A bright colour of the city, as of a control zone or of a body, for texts and lines on a panel.

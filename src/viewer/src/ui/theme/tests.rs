@@ -1,7 +1,8 @@
 //! Contrast and colour blindness, computed from the colours of the themes.
 
+use super::contrast::vision::{DEUTERANOPE, difference_to};
+use super::contrast::{contrast, legible};
 use super::{StatusColours, Theme, dark, ground_of, light, readable, status_colour};
-use city3d_geometry::trig;
 use city3d_protocol::snapshot::Status;
 use egui::{Color32, Visuals};
 
@@ -9,24 +10,6 @@ const THEMES: [(Theme, fn() -> Visuals); 2] = [(Theme::Dark, dark), (Theme::Ligh
 const COLOURS: [StatusColours; 2] = [StatusColours::Usual, StatusColours::ColourBlind];
 /// Level AA for text of usual size (WCAG 2.2, success criterion 1.4.3).
 const LEAST_CONTRAST: f64 = 4.5;
-
-/// Linear red, green and blue (IEC 61966-2-1).
-fn linear(colour: Color32) -> [f64; 3] {
-    [colour.r(), colour.g(), colour.b()].map(|channel| {
-        let c = f64::from(channel) / 255.0;
-        if c <= 0.040_45 { c / 12.92 } else { trig::pow((c + 0.055) / 1.055, 2.4) }
-    })
-}
-
-fn luminance([r, g, b]: [f64; 3]) -> f64 {
-    0.2126 * r + 0.7152 * g + 0.0722 * b
-}
-
-/// Contrast ratio of WCAG 2.2.
-fn contrast(text: Color32, background: Color32) -> f64 {
-    let [a, b] = [text, background].map(|colour| luminance(linear(colour)) + 0.05);
-    a.max(b) / a.min(b)
-}
 
 #[test]
 fn the_contrast_of_known_pairs_is_that_of_the_definition() {
@@ -106,31 +89,6 @@ fn labels_over_the_city_can_be_read_whatever_is_below() {
     }
 }
 
-/// What a deuteranope sees (Machado, Oliveira and Fernandes 2009, severity 1), linear.
-fn deuteranope([r, g, b]: [f64; 3]) -> [f64; 3] {
-    [
-        0.367_322 * r + 0.860_646 * g - 0.227_968 * b,
-        0.280_085 * r + 0.672_501 * g + 0.047_413 * b,
-        -0.011_820 * r + 0.042_940 * g + 0.968_881 * b,
-    ]
-    .map(|channel| channel.clamp(0.0, 1.0))
-}
-
-/// CIE L*a*b* of a linear colour, white point D65.
-fn lab([r, g, b]: [f64; 3]) -> [f64; 3] {
-    let f = |t: f64| if t > 0.008_856 { trig::pow(t, 1.0 / 3.0) } else { 7.787 * t + 16.0 / 116.0 };
-    let x = f((0.4124 * r + 0.3576 * g + 0.1805 * b) / 0.9505);
-    let y = f(luminance([r, g, b]));
-    let z = f((0.0193 * r + 0.1192 * g + 0.9505 * b) / 1.0890);
-    [116.0 * y - 16.0, 500.0 * (x - y), 200.0 * (y - z)]
-}
-
-/// Colour difference (CIE 1976) of two colours as a deuteranope sees them.
-fn difference(a: Color32, b: Color32) -> f64 {
-    let [a, b] = [a, b].map(|colour| lab(deuteranope(linear(colour))));
-    a.iter().zip(b).map(|(a, b)| (a - b) * (a - b)).sum::<f64>().sqrt()
-}
-
 #[test]
 fn a_deuteranope_tells_apart_what_matters() {
     let urgent = [Status::Driving, Status::Yielding, Status::Stopped, Status::Manual, Status::Collided];
@@ -140,7 +98,7 @@ fn a_deuteranope_tells_apart_what_matters() {
             let mut least = f64::INFINITY;
             for (k, a) in colours.iter().enumerate() {
                 for b in &colours[k + 1..] {
-                    least = least.min(difference(*a, *b));
+                    least = least.min(difference_to(DEUTERANOPE, *a, *b));
                 }
             }
             least
@@ -149,4 +107,19 @@ fn a_deuteranope_tells_apart_what_matters() {
         // The usual colours are why there are others: the test sees the difference.
         assert!(least(StatusColours::Usual) < 10.0, "{theme:?}: {}", least(StatusColours::Usual));
     }
+}
+
+#[test]
+fn a_body_of_any_colour_is_legible_over_the_city_and_in_charts() {
+    for body in [[20, 20, 25], [30, 40, 150], [235, 235, 235], [240, 220, 60], [150, 20, 30]] {
+        let body = Color32::from_rgb(body[0], body[1], body[2]);
+        let ratio = contrast(super::text_on_picture(body), super::BRIGHTEST_LABEL);
+        assert!(ratio >= LEAST_CONTRAST, "{body:?} in a label: {ratio:.2}");
+        for (theme, _) in THEMES {
+            let ratio = contrast(legible(body, ground_of(theme), super::LINE_CONTRAST), ground_of(theme));
+            assert!(ratio >= super::LINE_CONTRAST, "{theme:?}, {body:?} in a chart: {ratio:.2}");
+        }
+    }
+    let green = Color32::from_rgb(120, 220, 130);
+    assert_eq!(super::text_on_picture(green), green, "what is legible stays");
 }

@@ -1,6 +1,6 @@
 //! The track of the timeline: the bar with its playhead, event marks and times.
 
-use super::super::events::{colour, go_to, name, select};
+use super::super::events::{colour, go_to, named, select};
 use super::super::{UiAction, UiState, ViewModel, theme};
 use super::{ShownTime, TimelineRange, TimelineView};
 use city3d_protocol::snapshot::VehicleId;
@@ -157,7 +157,7 @@ fn tooltip(
     marks.sort_by(|a, b| a.time_s.total_cmp(&b.time_s));
     for mark in marks {
         let time = decimal.fixed(mark.time_s, 2);
-        let text = format!("{time}  {}  {}", mark.what.label(), name(&shown.run_state.now, mark));
+        let text = format!("{time}  {}  {}", mark.what.label(), named(shown.names, mark.vehicle));
         ui.label(RichText::new(text).color(colour(ui.ctx(), mark.what.kind())));
     }
     if left > 0 {

@@ -13,7 +13,7 @@ use city3d_protocol::snapshot::VehicleId;
 use city3d_sensors::Weather;
 use city3d_session::Order;
 use city3d_simulation::environment::EnvironmentProfile;
-use city3d_simulation::scenario::Overrides;
+use city3d_simulation::scenario::{Overrides, ScenarioChange};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
@@ -310,6 +310,36 @@ fn the_title_tells_what_replaces_values_and_the_next_scenario_is_as_it_is_writte
     viewer.enter(next, experiment, 0.0).unwrap();
     assert_eq!(viewer.state.runs.start_page.fields, Default::default(), "used once");
     assert_eq!(viewer.title(), "roundabout - City3D");
+}
+
+#[test]
+fn the_title_tells_what_was_set_on_the_command_line() {
+    let set = |text: &str| text.parse::<ScenarioChange>().unwrap();
+    let overrides = Overrides { seed: Some(4), ..Overrides::default() };
+    let request = ScenarioRequest {
+        scenario: "roundabout-coordinated".to_owned(),
+        overrides,
+        changes: vec![set("coordination.algorithm=fifo"), set("duration_s=20")],
+    };
+    let viewer = viewer(request, LogLocation::Nowhere);
+    let expected = "roundabout-coordinated (seed 4, coordination.algorithm=fifo, duration_s=20)";
+    assert_eq!(viewer.title(), format!("{expected} - City3D"));
+}
+
+#[test]
+fn the_start_is_shown_the_same_before_the_run_and_in_its_past() {
+    let mut viewer = viewer(request("straight", 3.0), LogLocation::Nowhere);
+    let shown = |viewer: &mut ViewerState| {
+        pass(viewer);
+        let vehicle = &viewer.interpolated.vehicles[0];
+        (viewer.interpolated.tick, vehicle.status, vehicle.speed_mps)
+    };
+    assert_eq!(shown(&mut viewer), (0, Status::Waiting, 0.0));
+    run_to_end(&mut viewer);
+    let (_, status, speed_mps) = shown(&mut viewer);
+    assert!(status == Status::Driving && speed_mps > 1.0, "{status:?} {speed_mps}");
+    viewer.act(vec![UiAction::PlaybackCommand(PlaybackCommand::Seek(0.0))], 0.0);
+    assert_eq!(shown(&mut viewer), (0, Status::Waiting, 0.0));
 }
 
 #[test]

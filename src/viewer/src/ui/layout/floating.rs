@@ -1,0 +1,88 @@
+//! Where a panel opens over the city: where it hides the least.
+
+use egui::{Align2, Pos2, Rect, Vec2};
+
+/// Between a panel and the edges of the city, points.
+const MARGIN: f32 = 12.0;
+/// A hidden point of the watched vehicle counts as many of another panel.
+const VEHICLE_WEIGHT: f32 = 100.0;
+/// A point of the other panels of the window that is hidden counts as so much of one over the city.
+const BESIDE_WEIGHT: f32 = 0.02;
+
+/// What a panel that opens should not hide.
+pub struct FloatingPlaces {
+    /// The large view.
+    pub city: Rect,
+    /// The window between its bars.
+    pub room: Rect,
+    /// The vehicle that the user looks at.
+    pub vehicle: Option<Rect>,
+}
+
+impl FloatingPlaces {
+    /// Where a window of a size hides the least of the vehicle, of other windows, and of what is beside the city; where it was
+    /// before, if nothing is better.
+    pub fn free(&self, (before, size): (Option<Rect>, Vec2), taken: &[Rect]) -> Pos2 {
+        let size = before.map_or(size, |before| before.size());
+        let corners = [Align2::LEFT_TOP, Align2::RIGHT_TOP, Align2::LEFT_BOTTOM, Align2::RIGHT_BOTTOM];
+        let inside = self.city.shrink(MARGIN);
+        let at_corners = |of: Rect| corners.map(move |corner| corner.align_size_within_rect(size, of));
+        // As high as the city: the bars above and below stay in sight. From below: tables are empty there.
+        let beside_city = Rect::from_x_y_ranges(self.room.x_range(), inside.y_range());
+        let beside = taken.iter().chain(&self.vehicle).flat_map(|other| {
+            let [left, right] = [other.left() - MARGIN - size.x, other.right() + MARGIN];
+            [left, right].map(|x| Rect::from_min_size(Pos2::new(x, inside.top()), size))
+        });
+        let places = before
+            .into_iter()
+            .chain(at_corners(inside))
+            .chain(at_corners(beside_city).into_iter().rev())
+            .chain(beside);
+        let places = places.map(|place| self.within(place));
+        let best = places.min_by(|a, b| self.hidden(*a, taken).total_cmp(&self.hidden(*b, taken)));
+        best.map_or(self.city.min, |best| best.min)
+    }
+
+    /// The rectangle moved into the window.
+    fn within(&self, rect: Rect) -> Rect {
+        let most = (self.room.max - rect.size()).max(self.room.min);
+        Rect::from_min_size(rect.min.clamp(self.room.min, most), rect.size())
+    }
+
+    /// How much a window at a place hides, weighted points.
+    fn hidden(&self, place: Rect, taken: &[Rect]) -> f32 {
+        let area = |other: &Rect| {
+            let common = place.intersect(*other).size().max(Vec2::ZERO);
+            common.x * common.y
+        };
+        let over = |others: &[Rect]| others.iter().map(area).sum::<f32>();
+        let beside = place.area() - area(&self.city);
+        over(taken) + VEHICLE_WEIGHT * over(self.vehicle.as_slice()) + BESIDE_WEIGHT * beside
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use egui::vec2;
+
+    #[test]
+    fn a_panel_opens_where_it_hides_neither_the_vehicle_nor_another_panel() {
+        let city = Rect::from_min_max(Pos2::new(360.0, 40.0), Pos2::new(1000.0, 640.0));
+        let room = Rect::from_min_max(Pos2::new(12.0, 48.0), Pos2::new(1268.0, 672.0));
+        let vehicle = Rect::from_center_size(city.center(), vec2(60.0, 40.0));
+        let places = FloatingPlaces { city, room, vehicle: Some(vehicle) };
+        let mut taken: Vec<Rect> = Vec::new();
+        for size in [vec2(300.0, 200.0), vec2(280.0, 260.0), vec2(480.0, 250.0)] {
+            let place = Rect::from_min_size(places.free((None, size), &taken), size);
+            assert!(room.contains_rect(place) && !place.intersects(vehicle), "{place:?}");
+            assert!(taken.iter().all(|other| !other.intersects(place)), "{place:?} over {taken:?}");
+            taken.push(place);
+        }
+        // It comes back to where the user has put it, unless something else is there now.
+        let before = Rect::from_min_size(Pos2::new(400.0, 400.0), vec2(150.0, 120.0));
+        assert_eq!(places.free((Some(before), before.size()), &[]), before.min);
+        let place = places.free((Some(before), before.size()), &[before]);
+        assert!(!Rect::from_min_size(place, before.size()).intersects(before));
+    }
+}
