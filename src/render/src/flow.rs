@@ -81,6 +81,7 @@ fn city_from_body(state: &VehicleState) -> DAffine3 {
 }
 
 #[cfg(test)]
+#[allow(clippy::disallowed_methods, reason = "poses of a test; no state of a run depends on them")]
 mod tests {
     use super::*;
     use city3d_protocol::snapshot::VehicleId;

@@ -42,7 +42,7 @@ pub struct FlowJob {
 /// One file of a job.
 enum JobFile {
     Picture(PictureFormat, PathBuf),
-    Flow(FlowJob),
+    Flow(Box<FlowJob>),
 }
 
 impl JobFile {
@@ -53,7 +53,8 @@ impl JobFile {
             Self::Picture(format, path) => {
                 format.write(&path, &readback.some_pictures(index, PictureKinds::NONE.with(format.kind())))
             }
-            Self::Flow(FlowJob { motion, format, path }) => {
+            Self::Flow(flow) => {
+                let FlowJob { motion, format, path } = *flow;
                 let Pictures { depth: Some(depth), instance: Some(instance), .. } =
                     readback.some_pictures(index, FLOW_KINDS)
                 else {
@@ -210,7 +211,7 @@ impl<'a> PngStream<'a> {
         for (index, job) in jobs.into_iter().enumerate() {
             let bytes = tile_bytes(job.view.extent);
             let files = job.files.into_iter().map(|(format, path)| JobFile::Picture(format, path));
-            for file in files.chain(job.flow.map(JobFile::Flow)) {
+            for file in files.chain(job.flow.map(|flow| JobFile::Flow(Box::new(flow)))) {
                 self.in_queue += 1;
                 let number = self.queued;
                 self.queued += 1;

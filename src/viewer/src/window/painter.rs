@@ -373,7 +373,7 @@ mod tests {
         let Some(context) = software_context() else { return };
         let request = ScenarioRequest { scenario: "straight".to_owned(), ..ScenarioRequest::default() };
         let experiment = loading::read(&request).unwrap();
-        let look = Look { preset: QualityPreset::Low, hours: 12.0 };
+        let look = Look { preset: QualityPreset::Low, hours: 12.0, weather: Weather::Clear };
         let mut painter = WindowPainter::new(context, &experiment, look, FORMAT).unwrap();
         let snapshot = Run::new(experiment).unwrap().snapshot().clone();
         let id = snapshot.vehicles[0].id;
