@@ -45,8 +45,8 @@ fn sky_gradient(direction: vec3<f32>, haze: vec3<f32>, zenith: vec3<f32>, ground
 
 // Scale height of the exponential height fog, metres.
 const HAZE_HEIGHT: f32 = 45.0;
-// Distance at which fog hides the end of the plain around the city, metres.
-const HAZE_END: f32 = 1300.0;
+// Distance at which fog hides the end of the land around the city, metres.
+const HAZE_END: f32 = 8600.0;
 
 // Transmittance of exponential height fog: 1 nearby, 0 at the horizon; rays down from high up stay clear. `density` is
 // that at the ground.

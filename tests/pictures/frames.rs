@@ -383,7 +383,8 @@ fn depth_of_the_files_lies_on_the_road() {
         assert!(count == 0 || (depth_m - exact_m).abs() < 0.5 / 256.0 + 1e-4, "{exact_m} m are {depth_m}");
         let [thousandths] = millimetres.get_pixel(x, y).0;
         assert_eq!(thousandths == 0, exact_m > 65.5354, "{exact_m} m are {thousandths} mm");
-        if class == Class::Road && count > 0 {
+        // Roads of the town are level at 0, those of the land beyond lie as high as its ground.
+        if class == Class::Road && count > 0 && exact_m < 100.0 {
             for depth_m in [depth_m, exact_m] {
                 let (u, v) = (f64::from(x), f64::from(y));
                 let ray = DVec3::new(

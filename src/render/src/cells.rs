@@ -4,8 +4,11 @@ use city3d_scene::{CELL_M, LodMesh, Mesh, SceneObject, Surface, Vertex};
 use glam::Vec3;
 use std::collections::BTreeMap;
 
-/// Larger triangles, those of the plain around the city, are not cut.
+/// Larger triangles are not cut.
 const MAX_CUT_EXTENT_M: f32 = 3.0 * CELL_M;
+/// A mesh with a larger triangle is the land around the city. None of its triangles is cut: where a small one borders on
+/// a large one, corners on their edge would be those of one of them alone, and pixels between them would show nothing.
+const LAND_EXTENT_M: f32 = 1000.0;
 /// Uncut triangles belong to the coarse cell of this size that contains their middle.
 const COARSE_CELL_M: f32 = 16.0 * CELL_M;
 const COARSE_CELL_OFFSET: i32 = 1 << 20;
@@ -36,11 +39,39 @@ pub(super) fn split_ground(ground: &[SceneObject], of: &dyn Fn(Surface) -> bool)
             found.entry(at).or_default().push(LodMesh { mesh, error_m });
         }
     }
-    found.into_values().collect()
+    let is_of_land = |at: &[i32; 2]| at[0] > COARSE_CELL_OFFSET / 2;
+    let with_stand_in = |(at, mut levels): ([i32; 2], Vec<LodMesh>)| {
+        if is_of_land(&at) {
+            levels.extend(levels.first().map(|level| stand_in(&level.mesh)));
+        }
+        levels
+    };
+    found.into_iter().map(with_stand_in).collect()
+}
+
+/// Error of what stands in for hidden ground: so large that nothing else is drawn with it.
+const STAND_IN_M: f32 = 1e9;
+/// So far below the ground it lies: it covers parts of other cells, which may be seen.
+const BELOW_M: f32 = 2.0;
+
+/// A rectangle that stands in for a coarse cell of the ground where that is hidden.
+fn stand_in(ground: &Mesh) -> LodMesh {
+    let [low, high] = ground.bounds();
+    let z = low.z - BELOW_M;
+    let mut mesh = Mesh::default();
+    if let Some(vertex) = ground.vertices.first() {
+        let corners = [(low.x, low.y), (high.x, low.y), (high.x, high.y), (low.x, high.y)];
+        mesh.vertices = corners.map(|(x, y)| Vertex { position: Vec3::new(x, y, z), ..*vertex }).to_vec();
+        mesh.indices = vec![0, 1, 2, 0, 2, 3];
+    }
+    LodMesh { mesh, error_m: STAND_IN_M }
 }
 
 fn cut_mesh(cells: &mut Cells, mesh: &Mesh, of: &dyn Fn(Surface) -> bool) {
     let corner = |k: u32| mesh.vertices[k as usize];
+    let is_land =
+        mesh.indices.chunks_exact(3).any(|t| extent(&[t[0], t[1], t[2]].map(corner)) > LAND_EXTENT_M);
+    let largest_m = if is_land { 0.0 } else { MAX_CUT_EXTENT_M };
     let mut triangles = mesh.indices.chunks_exact(3).peekable();
     while let Some(t) = triangles.next() {
         let corners = [t[0], t[1], t[2]].map(corner);
@@ -50,10 +81,11 @@ fn cut_mesh(cells: &mut Cells, mesh: &Mesh, of: &dyn Fn(Surface) -> bool) {
         // Two triangles of one planar quad are cut together, which gives half as many pieces.
         let fourth = triangles
             .next_if(|next| next[0] == t[0] && next[1] == t[2] && is_planar_quad(&corners, &corner(next[2])));
-        match fourth {
-            Some(next) => split_into(cells, &[corners[0], corners[1], corners[2], corner(next[2])]),
-            None => split_into(cells, &corners),
-        }
+        let polygon = match fourth {
+            Some(next) => &[corners[0], corners[1], corners[2], corner(next[2])][..],
+            None => &corners,
+        };
+        split_into(cells, polygon, largest_m);
     }
 }
 
@@ -85,14 +117,23 @@ fn cell_of(at: Vec3) -> [i32; 2] {
     [at.x, at.y].map(|x| (x / CELL_M).floor() as i32)
 }
 
-/// Cuts a convex polygon of the ground along the edges of cells.
-fn split_into(cells: &mut Cells, corners: &[Vertex]) {
+/// Box of some corners.
+fn bounds(corners: &[Vertex]) -> [Vec3; 2] {
     let positions = || corners.iter().map(|v| v.position);
-    let (low, high) =
-        (positions().fold(Vec3::INFINITY, Vec3::min), positions().fold(Vec3::NEG_INFINITY, Vec3::max));
+    [positions().fold(Vec3::INFINITY, Vec3::min), positions().fold(Vec3::NEG_INFINITY, Vec3::max)]
+}
+
+/// Edge of the smallest square that covers some corners.
+fn extent(corners: &[Vertex]) -> f32 {
+    let [low, high] = bounds(corners);
+    (high - low).truncate().max_element()
+}
+
+/// Cuts a convex polygon of the ground along the edges of cells, unless it is larger than `largest_m`.
+fn split_into(cells: &mut Cells, corners: &[Vertex], largest_m: f32) {
+    let [low, high] = bounds(corners);
     let (first, last) = (cell_of(low), cell_of(high));
-    let whole = (high - low).truncate().max_element() > MAX_CUT_EXTENT_M;
-    if whole {
+    if extent(corners) > largest_m {
         let middle = (low + high) / 2.0 / COARSE_CELL_M;
         let at = [middle.x, middle.y].map(|x| COARSE_CELL_OFFSET + x.floor() as i32);
         return triangulate_fan(cells.entry(at).or_default(), corners);
@@ -192,7 +233,11 @@ mod tests {
     #[test]
     fn cutting_keeps_the_area() {
         let mut cells = BTreeMap::new();
-        split_into(&mut cells, &[vertex(-15.0, -3.0), vertex(20.0, 5.0), vertex(3.0, 30.0)]);
+        split_into(
+            &mut cells,
+            &[vertex(-15.0, -3.0), vertex(20.0, 5.0), vertex(3.0, 30.0)],
+            MAX_CUT_EXTENT_M,
+        );
         let area = |mesh: &Mesh| -> f32 {
             mesh.indices
                 .chunks(3)
@@ -212,9 +257,22 @@ mod tests {
     }
 
     #[test]
-    fn the_plain_around_the_city_stays_in_large_pieces() {
-        let mut cells = BTreeMap::new();
-        split_into(&mut cells, &[vertex(100.0, 0.0), vertex(150.0, 0.0), vertex(150.0, 80.0)]);
-        assert_eq!(cells.into_values().map(|mesh| mesh.indices).collect::<Vec<_>>(), [vec![0, 1, 2]]);
+    fn the_land_around_the_city_is_not_cut() {
+        let count = |far: f32| {
+            let vertices = vec![
+                vertex(100.0, 0.0),
+                vertex(130.0, 0.0),
+                vertex(130.0, 30.0),
+                vertex(130.0, 0.0),
+                vertex(far, 60.0),
+                vertex(130.0, 30.0),
+            ];
+            let land = SceneObject::of_one_level(Mesh { vertices, indices: (0..6).collect() });
+            let cells = split_ground(&[land], &|_| true);
+            cells.iter().map(|levels| levels[0].mesh.triangle_count()).sum::<usize>()
+        };
+        // Two triangles, the smaller of which would be cut beside one that is just large.
+        assert_eq!(count(5000.0), 2);
+        assert!(count(180.0) > 5);
     }
 }

@@ -30,10 +30,6 @@ pub(super) const GRASS: Finish = Finish::new(Surface::Grass, [104, 118, 74], Cla
 pub(super) const PAVEMENT: Finish = Finish::new(Surface::Slabs, [172, 166, 156], Class::Pavement);
 const KERBSTONE: Finish = Finish::new(Surface::Concrete, [186, 184, 178], Class::Pavement);
 
-/// Grid lines of the plain around the city, as distances from it, beyond the horizon of every camera. Per-vertex
-/// lighting computes haze at vertices, so it needs lines in between.
-const PLAIN_LINES_M: [f32; 7] = [50.0, 120.0, 240.0, 480.0, 1400.0, 3600.0, 9000.0];
-
 /// What a triangle of the ground is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 enum Label {
@@ -65,13 +61,13 @@ impl Label {
 
 /// A corner of the triangulation.
 #[derive(Clone, Copy, Debug)]
-struct Spot {
-    at: DVec2,
+pub(super) struct Spot {
+    pub(super) at: DVec2,
     /// Height off the road.
-    height_m: f32,
+    pub(super) height_m: f32,
 }
 
-type Plan = ConstrainedDelaunayTriangulation<Spot>;
+pub(super) type Plan = ConstrainedDelaunayTriangulation<Spot>;
 
 impl HasPosition for Spot {
     type Scalar = f64;
@@ -215,46 +211,14 @@ impl GroundSheet {
         mesh
     }
 
-    /// The plain around the ground, from its edge to beyond the horizon.
-    pub(super) fn plain(&self) -> Mesh {
-        let node = |column: i32, row: i32| corner_of([column, row]).as_vec2();
+    /// Nodes along its edge, counter-clockwise: the land goes on from them.
+    pub(super) fn rim(&self) -> Vec<DVec2> {
         let (columns, rows) = (&self.columns, &self.rows);
-        let [low, high] = [node(columns.start, rows.start), node(columns.end, rows.end)];
-        let middle = (low + high) / 2.0;
-        // Nodes along each side, counter-clockwise.
-        let sides: [Vec<Vec2>; 4] = [
-            (columns.start..=columns.end).map(|k| node(k, rows.start)).collect(),
-            (rows.start..=rows.end).map(|k| node(columns.end, k)).collect(),
-            (columns.start..=columns.end).rev().map(|k| node(k, rows.end)).collect(),
-            (rows.start..=rows.end).rev().map(|k| node(columns.start, k)).collect(),
-        ];
-        let mut mesh = Mesh::default();
-        let mut face = |ring: &[Vec2]| {
-            let corners: Vec<Vec3> = ring.iter().map(|p| p.extend(GRASS_M)).collect();
-            let uvs: Vec<Vec2> = ring.iter().map(|p| *p / Label::Grass.metres_per_repeat()).collect();
-            mesh.face(&corners, &uvs, GRASS);
-        };
-        for (side, nodes) in sides.iter().enumerate() {
-            // One end, the middle and the other end of the side of the box so far around.
-            let around = |away: f32| {
-                let (low, high) = (low - away, high + away);
-                let corners = [low, Vec2::new(high.x, low.y), high, Vec2::new(low.x, high.y)];
-                let (from, to) = (corners[side], corners[(side + 1) % 4]);
-                let between =
-                    if side % 2 == 0 { Vec2::new(middle.x, from.y) } else { Vec2::new(from.x, middle.y) };
-                [from, between, to]
-            };
-            let [from, between, to] = around(PLAIN_LINES_M[0]);
-            face(&[from, between, nodes[0]]);
-            nodes.windows(2).for_each(|pair| face(&[between, pair[1], pair[0]]));
-            face(&[between, to, nodes[nodes.len() - 1]]);
-            for lines in PLAIN_LINES_M.windows(2) {
-                let ([a, b, c], [d, e, f]) = (around(lines[0]), around(lines[1]));
-                face(&[d, e, b, a]);
-                face(&[e, f, c, b]);
-            }
-        }
-        mesh
+        let south = columns.clone().map(|k| [k, rows.start]);
+        let east = rows.clone().map(|k| [columns.end, k]);
+        let north = (columns.start + 1..=columns.end).rev().map(|k| [k, rows.end]);
+        let west = (rows.start + 1..=rows.end).rev().map(|k| [columns.start, k]);
+        south.chain(east).chain(north).chain(west).map(corner_of).collect()
     }
 }
 
@@ -316,6 +280,7 @@ fn kerb_face(mesh: &mut Mesh, [from, to]: [Spot; 2]) {
 
 #[cfg(test)]
 mod tests {
+    use super::super::land::Land;
     use super::super::roads::{LEVELS, Outlines, RoadField};
     use super::super::tests::city;
     use super::*;
@@ -323,11 +288,15 @@ mod tests {
     use city3d_roadmap::{CityMap, Grid, load_map};
     use std::collections::BTreeMap;
 
-    fn sheet_of(map: &CityMap) -> GroundSheet {
-        Outlines::new(&RoadField::new(map), &[]).ground(map, &[])
+    /// The closed ground of a city, and the land around it.
+    fn ground_of(map: &CityMap) -> (GroundSheet, Mesh) {
+        let field = RoadField::new(map);
+        let sheet = Outlines::new(&field, &[]).ground(map, &[]);
+        let land = Land::new(map, &field, sheet.rim()).ground();
+        (sheet, land)
     }
 
-    /// Edges that have another number of triangles on one side than on the other, apart from the rim of the plain.
+    /// Edges that have another number of triangles on one side than on the other, apart from the end of the land.
     fn open_edges<'m>(meshes: impl IntoIterator<Item = &'m Mesh>) -> Vec<[Vec3; 2]> {
         let mut sides: BTreeMap<[[u32; 3]; 2], (i32, [Vec3; 2])> = BTreeMap::new();
         let mut rim = Vec2::ZERO;
@@ -359,11 +328,10 @@ mod tests {
         doubled.map(|doubled| doubled.max(0.0) / 2.0).sum()
     }
 
-    fn assert_closed(name: &str, sheet: &GroundSheet) {
-        let plain = sheet.plain();
+    fn assert_closed(name: &str, sheet: &GroundSheet, land: &Mesh) {
         for error_m in LEVELS {
             let mesh = sheet.mesh(error_m);
-            let open = open_edges([&mesh, &plain]);
+            let open = open_edges([&mesh, land]);
             assert!(
                 open.is_empty(),
                 "{name} within {error_m} m: {} edges, {:?}",
@@ -380,7 +348,7 @@ mod tests {
         let mixed: Vec<Mesh> = cells
             .map(|cell| sheet.cell(cell, LEVELS[(7 * cell[0] + 5 * cell[1]).rem_euclid(3) as usize]))
             .collect();
-        let open = open_edges(mixed.iter().chain([&plain]));
+        let open = open_edges(mixed.iter().chain([land]));
         assert!(
             open.is_empty(),
             "{name}, levels side by side: {} edges, {:?}",
@@ -391,11 +359,13 @@ mod tests {
 
     #[test]
     fn the_ground_of_every_city_is_closed() {
-        assert_closed("the shipped city", &sheet_of(&city()));
+        let (sheet, land) = ground_of(&city());
+        assert_closed("the shipped city", &sheet, &land);
         for size in ["1x1", "3x2"] {
             let grid = Grid { size: size.parse().unwrap(), block_m: 2.0, entry_m: 3.0, ..Grid::default() };
             let map = load_map(grid.to_dxf().unwrap().as_bytes()).unwrap().map;
-            assert_closed(size, &sheet_of(&map.to_city(LengthScale::TESTBED)));
+            let (sheet, land) = ground_of(&map.to_city(LengthScale::TESTBED));
+            assert_closed(size, &sheet, &land);
         }
     }
 
@@ -403,6 +373,10 @@ mod tests {
     #[test]
     fn the_ground_is_closed_whatever_its_outlines() {
         let cell = f64::from(CELL_M);
+        let mut bare = city();
+        let field = RoadField::new(&bare);
+        bare.lanes.clear();
+        bare.scenery.clear();
         for seed in 0..40 {
             let draw = |salt: u32| f64::from(super::super::hash_to_unit(seed, salt));
             let corner = |ring: u32, k: u32| {
@@ -415,7 +389,9 @@ mod tests {
             let rings: Vec<(Cover, Vec<Corner>)> =
                 (0..6).map(|k| (Cover::ALL[k as usize % 3], ring(k))).collect();
             let box_ = [DVec2::splat(-3.0), DVec2::splat(5.0 * cell + 3.0)];
-            assert_closed(&format!("outlines {seed}"), &GroundSheet::new(box_, &rings, |_| KERB_M, []));
+            let sheet = GroundSheet::new(box_, &rings, |_| KERB_M, []);
+            let land = Land::new(&bare, &field, sheet.rim()).ground();
+            assert_closed(&format!("outlines {seed}"), &sheet, &land);
         }
     }
 }

@@ -12,6 +12,7 @@ mod furniture;
 mod ground_sheet;
 mod grounds;
 mod kerbs;
+mod land;
 mod lanes;
 mod lettering;
 mod markings;
@@ -31,7 +32,6 @@ mod special;
 mod surroundings;
 mod trees;
 mod wear;
-mod woods;
 
 pub use ground_sheet::ASPHALT;
 pub use lettering::glyph_cell;
@@ -52,15 +52,15 @@ use surroundings::Surroundings;
 /// The geometry of the whole city, in metres relative to the city's origin.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct SceneDescription {
-    /// Ground meshes: roads with their markings, lawns, water, and the plain around the city.
+    /// Ground meshes: roads with their markings, lawns, water, and the land around the city.
     pub ground: Vec<SceneObject>,
-    /// Objects on the ground: buildings, trees, furniture, vehicles.
+    /// Objects on the ground: buildings, trees, furniture, vehicles; those of the land come last.
     pub objects: Vec<SceneObject>,
     /// Models that the map places, and people, each once.
     pub instanced: Vec<InstancedObject>,
     /// Opaque walls: occluders for occlusion culling.
     pub walls: Vec<Wall>,
-    /// Bounding box of the city itself, without the plain around it.
+    /// Bounding box of the city itself, without the land around it.
     pub bounds: [Vec3; 2],
     /// Lenses of street lamps.
     pub lamps: Vec<Vec3>,
@@ -106,7 +106,7 @@ pub struct LodMesh {
 }
 
 /// Edge of the grid cells at which ground meshes are split, so that triangles stay short and cells can be
-/// culled. Only the plain around the city has larger triangles.
+/// culled. Only the land around the city has larger triangles.
 pub const CELL_M: f32 = 13.0;
 
 /// An occluder: a vertical rectangle that stands on the ground.
@@ -289,14 +289,15 @@ impl SceneDescription {
         objects.extend(signs::signs(map, &field, &lanes));
         let (heads, signals): (Vec<_>, Vec<_>) = signals::signals(map, &field).into_iter().unzip();
         objects.extend(heads);
-        objects.extend(woods::woods([low, high]));
-        walls.extend(woods::walls([low, high]));
         let mut instanced = models::place(map, models);
         let posts = people::Posts::of(&objects);
         instanced.extend(people::people(map, &field, outlines.kerbs(), &posts));
         objects.extend(parked::cars(map, &drives));
         objects.retain(|object: &SceneObject| !object.is_empty());
         let sheet = outlines.ground(map, &drives);
+        let land = land::Land::new(map, &field, sheet.rim());
+        land.lay(&mut lying);
+        objects.extend(land.gardens(&nursery));
         let roads = |error_m: &f32| LodMesh { mesh: sheet.mesh(*error_m), error_m: *error_m };
         let paint = || {
             let paint = markings::RoadMarkings::new(map, &field, &lanes);
@@ -305,19 +306,23 @@ impl SceneDescription {
                 .map(|&error_m| LodMesh { mesh: paint.mesh(error_m), error_m })
                 .collect()
         };
-        let (_, (roads, paint)) = rayon::join(
+        let (_, ((roads, paint), (fields, greenery))) = rayon::join(
             || {
                 objects.par_iter_mut().for_each(SceneObject::add_coarser_levels);
                 instanced.par_iter_mut().for_each(|model| model.object.add_coarser_levels());
             },
-            || rayon::join(|| roads::LEVELS.par_iter().map(roads).collect(), paint),
+            || {
+                rayon::join(
+                    || rayon::join(|| roads::LEVELS.par_iter().map(roads).collect(), paint),
+                    || rayon::join(|| land.ground(), || land.objects(&nursery, &lanes, &around)),
+                )
+            },
         );
         objects.extend(clocks);
         let mut ground = vec![SceneObject { levels: roads }, SceneObject { levels: paint }];
         let mut wear = SceneObject::of_one_level(wear::wear(map, &lanes));
         // From afar plain asphalt suffices.
         wear.levels.push(LodMesh { mesh: Mesh::default(), error_m: wear::SEEN_M });
-        ground.push(SceneObject::of_one_level(sheet.plain()));
         ground.push(wear);
         ground.push(SceneObject::of_one_level(lying));
         ground.retain(|object| !object.is_empty());
@@ -326,6 +331,8 @@ impl SceneDescription {
             finest.map(|level| level.mesh.bounds()[1].z).chain(instanced.iter().map(InstancedObject::top_m));
         let top = tops.fold(1.0, f32::max);
         let bounds = [low.extend(0.0), high.extend(top)];
+        ground.extend([fields, land.yards()].map(SceneObject::of_one_level));
+        objects.extend(greenery);
         Self { ground, objects, instanced, walls, bounds, lamps, signals }
     }
 

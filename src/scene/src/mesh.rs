@@ -123,19 +123,19 @@ pub enum Class {
     /// Pixels that no object covers.
     #[default]
     Sky = 0,
-    /// Asphalt of roads and car parks, with manhole covers.
+    /// Asphalt of roads, car parks and country roads, with manhole covers.
     Road = 1,
     /// Paint on asphalt: lines, arrows, parking bays.
     Marking = 2,
-    /// Pavements, kerbs, paved squares and the sand of playgrounds.
+    /// Pavements, kerbs, paved squares, garden paths, the gravel of yards and the sand of playgrounds.
     Pavement = 3,
-    /// Lawns, verges, and banks and shores of ponds.
+    /// Lawns, verges, fields, and banks and shores of ponds.
     Grass = 4,
     /// Buildings with all their parts; model files too, unless their materials are of another class.
     Building = 5,
-    /// Free-standing walls, and stone edges of car parks and grounds.
+    /// Free-standing walls, fences, and stone edges of car parks and grounds.
     Wall = 6,
-    /// Trees, hedges, flower beds, reeds and woods.
+    /// Trees, hedges, hedgerows, flower beds, reeds and woods.
     Vegetation = 7,
     /// Street lamps, and posts of signs and traffic signals.
     Pole = 8,

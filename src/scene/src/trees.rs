@@ -4,7 +4,7 @@ use super::foliage::{Clump, Crown, CrownDetail, limb};
 use super::mesh::{Class, Finish, Mesh, Surface, Vertex};
 use super::{SceneObject, SeededScenery};
 use city3d_roadmap::Footprint;
-use glam::{Affine3A, Quat, Vec2, Vec3};
+use glam::{Affine3A, Mat3, Quat, Vec2, Vec3};
 use std::f32::consts::TAU;
 
 const BARK: Finish = Finish::new(Surface::Wood, [104, 84, 66], Class::Vegetation);
@@ -19,6 +19,8 @@ const GREENS: [[u8; 3]; 6] =
 const NEEDLE_GREENS: [[u8; 3]; 3] = [[118, 146, 110], [106, 134, 108], [126, 148, 104]];
 /// Crowns that are not green.
 const COPPER: [u8; 3] = [122, 92, 78];
+/// Brightness of trees in a wood.
+const WOOD_TONE: f32 = 0.8;
 /// Ratio of the crown to the circle of the drawing, which keeps more clearance from lanes.
 const REACH: f32 = 1.30;
 /// Smaller circles are street trees.
@@ -109,32 +111,7 @@ impl TreePrototypes {
         let Footprint::Circle { centre, radius_m } = place.piece.shape else { return SceneObject::default() };
         let radius = radius_m as f32 * REACH;
         let shares = if (radius_m as f32) < STREET_M { IN_STREETS } else { IN_PARKS };
-        let mut drawn = place.hash_to_unit(3);
-        let kind = shares.iter().position(|share| {
-            drawn -= share;
-            drawn < 0.0
-        });
-        let kind = kind.unwrap_or(0);
-        let variant = (place.hash_to_unit(8) * VARIANTS as f32) as usize % VARIANTS as usize;
-        let pick = |greens: &[[u8; 3]]| {
-            greens[(place.hash_to_unit(1) * greens.len() as f32) as usize % greens.len()]
-        };
-        let green = match KINDS[kind] {
-            TreeKind::Spruce => pick(&NEEDLE_GREENS),
-            TreeKind::Round | TreeKind::Wide if place.hash_to_unit(6) > 0.95 => COPPER,
-            _ => pick(&GREENS),
-        };
-        let brightness = 0.94 + 0.12 * place.hash_to_unit(7);
-        let over = |finish: Finish| match finish.surface {
-            Surface::Leaves | Surface::Needles => {
-                let colour = std::array::from_fn(|k| {
-                    let product = f32::from(finish.colour[k]) * f32::from(green[k]) * brightness / 200.0;
-                    product.min(255.0) as u8
-                });
-                Finish { colour, ..finish }
-            }
-            _ => finish,
-        };
+        let choice = TreeChoice::new(place.seed, shares);
         // Not wider than its circle allows.
         let scale = radius * (0.90 + 0.10 * place.hash_to_unit(2));
         let here = Affine3A::from_scale_rotation_translation(
@@ -142,7 +119,104 @@ impl TreePrototypes {
             Quat::from_rotation_z(TAU * place.hash_to_unit(4)),
             centre.as_vec2().extend(0.06),
         );
-        self.shapes[kind * VARIANTS as usize + variant].placed(here, over)
+        self.shapes[choice.shape].placed(here, |finish| choice.tinted(finish))
+    }
+
+    /// Adds a tree of the country, in crown radii, to a mesh.
+    pub(super) fn add_country_tree(
+        &self,
+        mesh: &mut Mesh,
+        (seed, habit): (u32, Habit),
+        city_from_tree: &Affine3A,
+        detail: CountryTreeDetail,
+    ) {
+        let choice = TreeChoice::new(seed, habit.shares());
+        let levels = &self.shapes[choice.shape].levels;
+        let few = levels.iter().find(|level| level.mesh.triangle_count() <= detail.triangles);
+        let Some(level) = few.or(levels.last()) else { return };
+        let turn = Mat3::from(city_from_tree.matrix3).inverse().transpose();
+        let base = mesh.vertices.len() as u32;
+        mesh.vertices.extend(level.mesh.vertices.iter().map(|v| Vertex {
+            position: city_from_tree.transform_point3(v.position),
+            normal: (turn * v.normal).normalize_or(Vec3::Z),
+            finish: choice.tinted(v.finish).shaded(if detail.is_in_wood { WOOD_TONE } else { 1.0 }),
+            ..*v
+        }));
+        let is_drawn = |t: &&[u32]| {
+            !detail.is_in_wood || level.mesh.vertices[t[0] as usize].finish.surface != Surface::Wood
+        };
+        let triangles = level.mesh.indices.chunks_exact(3).filter(is_drawn);
+        mesh.indices.extend(triangles.flatten().map(|k| k + base));
+    }
+}
+
+/// How a tree of the country is drawn: at the finest level with at most so many triangles.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct CountryTreeDetail {
+    pub(super) triangles: usize,
+    /// Without a trunk, and darker than trees that stand alone.
+    pub(super) is_in_wood: bool,
+}
+
+/// Where a tree of the country grows, which decides about its species.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Habit {
+    /// Alone, or in a hedgerow.
+    Open,
+    Broadleaved,
+    Conifers,
+}
+
+impl Habit {
+    fn shares(self) -> [f32; 5] {
+        match self {
+            Self::Open => [0.52, 0.28, 0.06, 0.12, 0.02],
+            Self::Broadleaved => [0.62, 0.18, 0.0, 0.12, 0.08],
+            Self::Conifers => [0.10, 0.0, 0.0, 0.08, 0.82],
+        }
+    }
+}
+
+/// The prototype of a tree and its colour.
+struct TreeChoice {
+    shape: usize,
+    green: [u8; 3],
+    brightness: f32,
+}
+
+impl TreeChoice {
+    fn new(seed: u32, shares: [f32; 5]) -> Self {
+        let hash_to_unit = |salt: u32| super::hash_to_unit(seed, salt);
+        let mut drawn = hash_to_unit(3);
+        let kind = shares.iter().position(|share| {
+            drawn -= share;
+            drawn < 0.0
+        });
+        let kind = kind.unwrap_or(0);
+        let variant = (hash_to_unit(8) * VARIANTS as f32) as usize % VARIANTS as usize;
+        let pick =
+            |greens: &[[u8; 3]]| greens[(hash_to_unit(1) * greens.len() as f32) as usize % greens.len()];
+        let green = match KINDS[kind] {
+            TreeKind::Spruce => pick(&NEEDLE_GREENS),
+            TreeKind::Round | TreeKind::Wide if hash_to_unit(6) > 0.95 => COPPER,
+            _ => pick(&GREENS),
+        };
+        let brightness = 0.94 + 0.12 * hash_to_unit(7);
+        Self { shape: kind * VARIANTS as usize + variant, green, brightness }
+    }
+
+    fn tinted(&self, finish: Finish) -> Finish {
+        match finish.surface {
+            Surface::Leaves | Surface::Needles => {
+                let colour = std::array::from_fn(|k| {
+                    let product =
+                        f32::from(finish.colour[k]) * f32::from(self.green[k]) * self.brightness / 200.0;
+                    product.min(255.0) as u8
+                });
+                Finish { colour, ..finish }
+            }
+            _ => finish,
+        }
     }
 }
 

@@ -12,7 +12,7 @@ use city3d_sensors::{Extrinsics, Lens, PictureKind, PictureKinds, Projection, Vi
 use city3d_simulation::runner::Run;
 use city3d_simulation::scenario::{ScenarioRequest, is_map, map_alone};
 use clap::Args;
-use glam::{DVec2, DVec3};
+use glam::{DVec2, DVec3, Vec3};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
 use std::error::Error;
@@ -37,8 +37,10 @@ pub struct GroundTruthArgs {
 
 /// Heights of the cameras, metres: as many of them between 1 and 2 m as between 100 and 200 m.
 const HEIGHTS_M: [f64; 2] = [0.3, 200.0];
-/// So far around the city cameras stand.
+/// So far around the city cameras stand, and those of the land, which are this share of all.
 const AROUND_M: f64 = 20.0;
+const IN_LAND_M: f64 = 1000.0;
+const IN_LAND: f64 = 0.3;
 const PITCHES_DEG: [f64; 2] = [-89.0, 5.0];
 const FIELDS_OF_VIEW_DEG: [f64; 2] = [25.0, 100.0];
 const EXTENT: [u32; 2] = [160, 120];
@@ -194,9 +196,10 @@ impl City {
         let mut between = |[low, high]: [f64; 2]| low + (high - low) * unit();
         let [low, high] = self.map.bounds();
         let height = between(HEIGHTS_M.map(f64::ln)).exp();
+        let around_m = if between([0.0, 1.0]) < IN_LAND { IN_LAND_M } else { AROUND_M };
         let at = loop {
-            let x = between([low.x - AROUND_M, high.x + AROUND_M]);
-            let at = DVec2::new(x, between([low.y - AROUND_M, high.y + AROUND_M]));
+            let x = between([low.x - around_m, high.x + around_m]);
+            let at = DVec2::new(x, between([low.y - around_m, high.y + around_m]));
             if height > f64::from(self.scene.bounds[1].z) || !self.is_built(at) {
                 break at;
             }
@@ -208,8 +211,26 @@ impl City {
             ..Lens::default()
         };
         let ahead = DVec2::from_angle(yaw) * pitch.cos();
-        let eye = at.extend(height);
+        let eye = at.extend(height + self.ground_m(at));
         View::new(Extrinsics::looking_at(eye, eye + ahead.extend(pitch.sin())), &lens)
+    }
+
+    /// Height of the ground at a place.
+    fn ground_m(&self, at: DVec2) -> f64 {
+        let at = at.as_vec2();
+        let height = |[a, b, c]: [Vec3; 3]| {
+            let (p, q, r) = ((b - a).truncate(), (c - a).truncate(), at - a.truncate());
+            let doubled = p.perp_dot(q);
+            let (along, across) = (r.perp_dot(q) / doubled, p.perp_dot(r) / doubled);
+            let is_inside = doubled > 1e-6 && along >= 0.0 && across >= 0.0 && along + across <= 1.0;
+            is_inside.then_some(a.z + along * (b.z - a.z) + across * (c.z - a.z))
+        };
+        let levels = self.scene.ground.iter().filter_map(|object| object.levels.first());
+        let heights = levels.flat_map(|level| {
+            let corner = |k: u32| level.mesh.vertices[k as usize].position;
+            level.mesh.indices.chunks_exact(3).filter_map(move |t| height([t[0], t[1], t[2]].map(corner)))
+        });
+        f64::from(heights.fold(0.0, f32::max))
     }
 
     /// Whether a building stands there.

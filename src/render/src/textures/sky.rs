@@ -138,7 +138,7 @@ fn colour(direction: Vec3, light: &Light) -> [f32; 3] {
     sky = mix(sky, light.glow_srgb, (glow + wide).min(1.0));
     // Two chains of hills in the haze.
     let elevation = up.asin();
-    for (seed, height, base, part) in [(221, 0.060, 0.008, 0.30), (231, 0.034, 0.002, 0.55)] {
+    for (seed, height, base, part) in [(221, 0.040, 0.004, 0.24), (231, 0.024, 0.0, 0.40)] {
         // Early out: most of the sky is above the hills.
         if elevation > base + height * 0.70 {
             continue;

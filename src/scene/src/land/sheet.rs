@@ -1,0 +1,220 @@
+//! The ground of the land: one constrained Delaunay triangulation from the edge of the closed ground to beyond the
+//! horizon, whose triangles are roads, verges, fields and common land.
+
+use super::super::ground_sheet::{ASPHALT, GRASS, Plan, Spot};
+use super::super::mesh::{Finish, Mesh, Vertex};
+use super::country_roads::{CountryRoad, VERGE_M};
+use super::fields::{self, FieldId, Fields};
+use super::relief::{Relief, hash_at, noise, smoothstep};
+use super::woods::Woods;
+use city3d_geometry::point_in_polygon;
+use glam::{DVec2, Vec2};
+use rustc_hash::FxHashMap;
+use spade::Triangulation;
+use spade::handles::FixedVertexHandle;
+
+/// Distances of the rings of corners beyond the patchwork from the town, and where the land ends.
+const RINGS_M: [f64; 8] = [1700.0, 1950.0, 2300.0, 2750.0, 3250.0, 3850.0, 4600.0, 5600.0];
+const END_M: f64 = 9000.0;
+const AROUND: u32 = 60;
+/// Spacing of corners along the boundary of a field. Farther from the town than this fields have none but their own.
+const ALONG_M: f64 = 62.0;
+const FINE_WITHIN_M: f64 = 550.0;
+/// Boundaries end so far in front of a verge.
+const BESIDE_ROAD_M: f64 = 4.0;
+/// So far inside of a wood its ground begins: the trees at its edge hide the edge of that.
+const UNDER_TREES: f64 = 0.006;
+const FOREST_FLOOR: Finish = Finish { colour: [58, 64, 40], ..GRASS };
+/// Colour of woods beyond the patchwork.
+const FAR_WOOD: [f32; 3] = [58.0, 76.0, 48.0];
+
+/// What a triangle of the land is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+enum Cover {
+    Road,
+    Verge,
+    Field(FieldId),
+    /// Leaves and moss under trees.
+    Wood,
+    Common,
+    Far,
+}
+
+/// The ground of the land.
+pub(super) struct LandSheet<'a> {
+    pub(super) relief: &'a Relief,
+    pub(super) fields: &'a Fields<'a>,
+    pub(super) roads: &'a [CountryRoad],
+    pub(super) woods: Woods<'a>,
+}
+
+impl LandSheet<'_> {
+    /// The mesh outside of the closed ground, whose rim it takes over: nodes counter-clockwise.
+    pub(super) fn mesh(&self, rim: &[DVec2]) -> Mesh {
+        let mut plan = Plan::new();
+        self.add_line(&mut plan, rim.iter().chain(rim.first()).copied());
+        for road in self.roads {
+            let half_m = road.half_m;
+            for off_m in [-half_m - VERGE_M, -half_m, half_m, half_m + VERGE_M] {
+                self.add_line(&mut plan, self.beside(road, off_m));
+            }
+        }
+        let edge = self.fields.common_edge();
+        let closed: Vec<DVec2> = edge.iter().chain(edge.first()).copied().collect();
+        for stretch in closed.split(|at| !self.is_off_roads(*at)) {
+            self.add_line(&mut plan, stretch.iter().copied());
+        }
+        for (ends, _) in self.fields.boundaries() {
+            self.add_boundary(&mut plan, ends);
+        }
+        let is_fine = |at: &DVec2| self.relief.away_m(*at) < FINE_WITHIN_M && self.is_open(*at);
+        for middle in self.fields.middles().filter(is_fine) {
+            self.add(&mut plan, middle);
+        }
+        for at in self.woods.corners().into_iter().filter(|at| self.is_open(*at)) {
+            self.add(&mut plan, at);
+        }
+        for yard in &self.relief.yards {
+            yard.corners().for_each(|at| {
+                self.add(&mut plan, at);
+            });
+        }
+        for at in self.far_corners() {
+            self.add(&mut plan, at);
+        }
+        self.mesh_of(&plan)
+    }
+
+    /// A line beside the middle of a road, from a little outside of the closed ground on.
+    fn beside(&self, road: &CountryRoad, off_m: f64) -> impl Iterator<Item = DVec2> {
+        const FROM_RIM_M: f64 = 1.5;
+        let line = &road.line;
+        let at = move |k: usize| {
+            let (before, after) = (line[k.saturating_sub(1)], line[(k + 1).min(line.len() - 1)]);
+            let left = (after - before).normalize_or(DVec2::X).perp();
+            let start = if k == 0 { -left.perp() * FROM_RIM_M } else { DVec2::ZERO };
+            line[k] + start + left * off_m
+        };
+        (0..line.len()).map(at).filter(|at| self.relief.away_m(*at) > 0.5)
+    }
+
+    /// Whether a place has room for corners of fields: off the roads and the common land.
+    fn is_open(&self, at: DVec2) -> bool {
+        const OFF_COMMON_M: f64 = 3.0;
+        self.fields.off_common_m(at) > OFF_COMMON_M && self.is_off_roads(at)
+    }
+
+    fn is_off_roads(&self, at: DVec2) -> bool {
+        self.roads.iter().all(|road| road.clearance_m(at, BESIDE_ROAD_M) > BESIDE_ROAD_M)
+    }
+
+    fn add_boundary(&self, plan: &mut Plan, [from, to]: [DVec2; 2]) {
+        let is_fine = self.relief.away_m(from) < FINE_WITHIN_M;
+        let count = if is_fine { (from.distance(to) / ALONG_M).ceil().max(1.0) } else { 1.0 };
+        let corners = (0..=count as u32).map(|k| from.lerp(to, f64::from(k) / count));
+        let open: Vec<DVec2> = corners.collect();
+        for stretch in open.split(|at| !self.is_open(*at)) {
+            self.add_line(plan, stretch.iter().copied());
+        }
+    }
+
+    /// Corners beyond the patchwork, and those of the square where the land ends.
+    fn far_corners(&self) -> Vec<DVec2> {
+        let [low, high] = self.relief.town;
+        let (middle, half) = ((low + high) / 2.0, (high - low).max_element() / 2.0);
+        let on_ring = |ring: i32, k: u32| {
+            let hash = |salt| f64::from(hash_at([ring, k as i32], salt));
+            let turn = std::f64::consts::TAU * (f64::from(k) + 0.7 * hash(51)) / f64::from(AROUND);
+            let away = RINGS_M[ring as usize] * (0.94 + 0.12 * hash(52)) + half * std::f64::consts::SQRT_2;
+            middle + DVec2::from_angle(turn) * away
+        };
+        let end = half + END_M;
+        let square = (-3..3).flat_map(|k| {
+            let along = f64::from(k) / 3.0 * end;
+            [
+                DVec2::new(along, -end),
+                DVec2::new(end, along),
+                DVec2::new(-along, end),
+                DVec2::new(-end, -along),
+            ]
+        });
+        let rings = (0..RINGS_M.len() as i32).flat_map(|ring| (0..AROUND).map(move |k| (ring, k)));
+        rings.map(|(ring, k)| on_ring(ring, k)).chain(square.map(|at| middle + at)).collect()
+    }
+
+    fn add(&self, plan: &mut Plan, at: DVec2) -> Option<FixedVertexHandle> {
+        // As the vertices of meshes: heights belong to places that `f32` holds.
+        let at = at.as_vec2().as_dvec2();
+        plan.insert(Spot { at, height_m: self.relief.height_at(at) as f32 }).ok()
+    }
+
+    /// Adds the edges of a line as constraints; one that crosses another is left out.
+    fn add_line(&self, plan: &mut Plan, line: impl Iterator<Item = DVec2>) {
+        let corners: Vec<FixedVertexHandle> = line.filter_map(|at| self.add(plan, at)).collect();
+        for pair in corners.windows(2).filter(|pair| pair[0] != pair[1]) {
+            if plan.can_add_constraint(pair[0], pair[1]) {
+                plan.add_constraint(pair[0], pair[1]);
+            }
+        }
+    }
+
+    /// What covers a place outside of the closed ground.
+    fn cover_at(&self, at: DVec2) -> Cover {
+        let away = self.roads.iter().map(|road| road.distance_m(at, road.half_m + VERGE_M) - road.half_m);
+        let away = away.fold(f64::INFINITY, f64::min);
+        match self.fields.at(at) {
+            _ if away < 0.0 => Cover::Road,
+            _ if away < VERGE_M => Cover::Verge,
+            Some(_) if self.woods.depth_at(at) > UNDER_TREES => Cover::Wood,
+            Some(field) => Cover::Field(field),
+            None if self.relief.away_m(at) < fields::REACH_M => Cover::Common,
+            None => Cover::Far,
+        }
+    }
+
+    fn mesh_of(&self, plan: &Plan) -> Mesh {
+        let [low, high] = self.relief.town;
+        let town = [low, DVec2::new(high.x, low.y), high, DVec2::new(low.x, high.y)];
+        let mut mesh = Mesh::default();
+        let mut known: FxHashMap<(FixedVertexHandle, Cover), u32> = FxHashMap::default();
+        for face in plan.inner_faces() {
+            let corners = face.vertices();
+            let middle = corners.iter().map(|corner| corner.data().at).sum::<DVec2>() / 3.0;
+            if point_in_polygon(middle, &town) {
+                continue;
+            }
+            let cover = self.cover_at(middle);
+            for corner in corners {
+                let index = *known
+                    .entry((corner.fix(), cover))
+                    .or_insert_with(|| mesh.vertex(self.vertex(*corner.data(), cover)));
+                mesh.indices.push(index);
+            }
+        }
+        mesh
+    }
+
+    fn vertex(&self, Spot { at, height_m }: Spot, cover: Cover) -> Vertex {
+        let flat = at.as_vec2();
+        let (finish, uv) = match cover {
+            Cover::Road => (ASPHALT, flat / 5.0),
+            Cover::Verge => (GRASS.shaded(1.06), flat / 6.0),
+            Cover::Wood => (FOREST_FLOOR, flat / 9.0),
+            Cover::Common => (GRASS, flat / 6.0),
+            Cover::Field(id) => {
+                let (crop, rows) = (self.fields.crop_of(id), self.fields.rows_of(id));
+                let uv = Vec2::new(at.dot(rows) as f32, at.dot(rows.perp()) as f32);
+                (crop.finish, uv / Vec2::from(crop.repeat_m))
+            }
+            Cover::Far => {
+                let wooded = smoothstep([0.52, 0.62], noise(at / 520.0, 61)) as f32;
+                let dry = noise(at / 340.0, 62) as f32;
+                let open = [98.0 + 26.0 * dry, 114.0 + 12.0 * dry, 72.0 + 8.0 * dry];
+                let mix = |k: usize| open[k] + (FAR_WOOD[k] - open[k]) * wooded;
+                (Finish { colour: [0, 1, 2].map(|k| mix(k) as u8), ..GRASS }, flat / 24.0)
+            }
+        };
+        let normal = self.relief.normal_at(at);
+        Vertex { position: flat.extend(height_m), normal, uv, finish, openness: 255 }
+    }
+}

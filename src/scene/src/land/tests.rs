@@ -1,0 +1,195 @@
+use super::super::SceneDescription;
+use super::super::ground_sheet::GRASS_M;
+use super::super::mesh::Class;
+use super::super::roads::{Outlines, SHOULDER_M};
+use super::super::tests::city;
+use super::*;
+use city3d_geometry::{LengthScale, point_in_polygon};
+use city3d_roadmap::{Footprint, Grid, SceneryKind, load_map};
+use glam::Vec2;
+
+fn grid(size: &str) -> CityMap {
+    let grid = Grid { size: size.parse().unwrap(), block_m: 3.0, entry_m: 3.0, ..Grid::default() };
+    load_map(grid.to_dxf().unwrap().as_bytes()).unwrap().map.to_city(LengthScale::TESTBED)
+}
+
+fn land_of(map: &CityMap) -> Land {
+    let field = RoadField::new(map);
+    let rim = Outlines::new(&field, &[]).ground(map, &[]).rim();
+    Land::new(map, &field, rim)
+}
+
+fn objects_of(map: &CityMap, land: &Land) -> Vec<SceneObject> {
+    let field = RoadField::new(map);
+    let around = Surroundings { map, field: &field };
+    land.objects(&TreePrototypes::new(), &LaneBoxIndex::new(map), &around)
+}
+
+/// Vehicles drive on a plane wherever they leave the road.
+#[test]
+fn the_land_is_level_near_the_town_and_rises_beyond() {
+    for map in [city(), grid("3x2")] {
+        let land = land_of(&map);
+        let mesh = land.ground();
+        let is_near = |at: Vec2| land.relief.away_m(at.as_dvec2()) < 60.0;
+        let near: Vec<f32> =
+            mesh.vertices.iter().filter(|v| is_near(v.position.truncate())).map(|v| v.position.z).collect();
+        assert!(near.len() > 100 && near.iter().all(|z| *z == GRASS_M), "{} corners", near.len());
+        let highest = mesh.vertices.iter().map(|v| v.position.z).fold(0.0, f32::max);
+        assert!(highest > 60.0, "hills of {highest} m");
+    }
+}
+
+#[test]
+fn slopes_are_gentle() {
+    let land = land_of(&city());
+    let mesh = land.ground();
+    let is_near = |at: Vec2| land.relief.away_m(at.as_dvec2()) < 1500.0;
+    for v in mesh.vertices.iter().filter(|v| is_near(v.position.truncate())) {
+        assert!(v.normal.z > 0.94, "a slope of {} at {}", v.normal, v.position);
+    }
+}
+
+/// Triangles of asphalt seen from above.
+fn asphalt(mesh: &Mesh) -> Vec<[DVec2; 3]> {
+    let corners = |t: &[u32]| [t[0], t[1], t[2]].map(|k| mesh.vertices[k as usize]);
+    let paved = mesh.indices.chunks_exact(3).map(corners).filter(|t| t[0].finish.class == Class::Road);
+    paved.map(|t| t.map(|v| v.position.truncate().as_dvec2())).collect()
+}
+
+#[test]
+fn roads_lead_from_the_streets_into_the_land_without_a_gap() {
+    for (name, map, count) in [("city", city(), 2..=3), ("3x2", grid("3x2"), 10..=10)] {
+        let field = RoadField::new(&map);
+        let land = land_of(&map);
+        assert!(count.contains(&land.roads.len()), "{name}: {} roads", land.roads.len());
+        let mut laid = Mesh::default();
+        land.lay(&mut laid);
+        let paved = [asphalt(&land.ground()), asphalt(&laid)].concat();
+        for road in &land.roads {
+            assert!(field.distance.at(road.approach[0]) <= SHOULDER_M, "{name}: begins beside the street");
+            let end = road.line[road.line.len() - 1];
+            assert!(land.relief.away_m(end) > 1500.0, "{name}: ends at {end}");
+            for pair in road.approach.windows(2).chain(road.line.windows(2)) {
+                let steps = (pair[0].distance(pair[1]) / 3.0).ceil() as u32;
+                for at in (0..=steps).map(|k| pair[0].lerp(pair[1], f64::from(k) / f64::from(steps.max(1)))) {
+                    let left = (pair[1] - pair[0]).normalize().perp() * 0.6 * road.half_m;
+                    for at in [at - left, at, at + left] {
+                        let is_bare = !paved.iter().any(|t| covers(t, at)) && at.distance(end) > 5.0;
+                        assert!(!is_bare, "{name}: no asphalt at {at}");
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// To within 2 cm.
+fn covers(t: &[DVec2; 3], at: DVec2) -> bool {
+    let edge = |k: usize| (t[(k + 1) % 3] - t[k]).normalize_or_zero().perp_dot(at - t[k]);
+    (0..3).all(|k| edge(k) >= -0.02)
+}
+
+#[test]
+fn nothing_of_the_land_stands_on_a_road_or_in_the_town() {
+    for map in [city(), grid("3x2")] {
+        let land = land_of(&map);
+        let field = RoadField::new(&map);
+        let mut plants = 0;
+        for object in objects_of(&map, &land) {
+            for v in object.levels.iter().flat_map(|level| &level.mesh.vertices) {
+                let at = v.position.truncate().as_dvec2();
+                for road in &land.roads {
+                    let off_m = road.distance_m(at, 20.0) - road.half_m;
+                    assert!(off_m > 0.5, "{:?} at {at}, {off_m} m beside a road", v.finish.class);
+                }
+                assert!(
+                    !field.distance.at(at).is_finite(),
+                    "{:?} at {at} stands in the town",
+                    v.finish.class
+                );
+                plants += usize::from(v.finish.class == Class::Vegetation);
+            }
+        }
+        assert!(plants > 10_000, "{plants}");
+    }
+}
+
+#[test]
+fn houses_have_gardens_that_touch_nothing_else() {
+    let map = city();
+    let (land, field) = (land_of(&map), RoadField::new(&map));
+    assert!(land.gardens.len() > 25, "{} gardens", land.gardens.len());
+    let mut laid = Mesh::default();
+    land.gardens.iter().for_each(|garden| garden.ground(&mut laid));
+    let buildings: Vec<&Vec<DVec2>> = map
+        .scenery
+        .iter()
+        .filter(|piece| piece.kind == SceneryKind::Building)
+        .filter_map(|piece| match &piece.shape {
+            Footprint::Polygon(ring) => Some(ring),
+            _ => None,
+        })
+        .collect();
+    for t in laid.indices.chunks_exact(3) {
+        let middle =
+            t.iter().map(|&k| laid.vertices[k as usize].position.truncate().as_dvec2()).sum::<DVec2>() / 3.0;
+        assert!(f64::from(field.distance.at(middle)) > 2.0, "a garden on the road at {middle}");
+        assert!(
+            !buildings.iter().any(|ring| point_in_polygon(middle, ring)),
+            "a garden in a house at {middle}"
+        );
+        let owners = land.gardens.iter().filter(|garden| garden.contains(middle)).count();
+        assert_eq!(owners, 1, "gardens at {middle}");
+    }
+    let fences: Vec<SceneObject> = land.gardens(&TreePrototypes::new());
+    let has = |class| {
+        fences.iter().any(|object| object.levels[0].mesh.vertices.iter().any(|v| v.finish.class == class))
+    };
+    assert!([Class::Wall, Class::Building, Class::Vegetation].into_iter().all(has), "fences, sheds, hedges");
+}
+
+#[test]
+fn farms_stand_in_level_yards_beside_the_roads() {
+    let map = city();
+    let land = land_of(&map);
+    assert!(land.farms.len() >= 2, "{} farms", land.farms.len());
+    for farm in &land.farms {
+        let nearest =
+            land.roads.iter().map(|road| road.distance_m(farm.yard.at, 60.0)).fold(f64::INFINITY, f64::min);
+        assert!(nearest < 45.0, "{nearest} m to a road");
+        let ground = land.ground();
+        let inside = |v: &&super::super::mesh::Vertex| {
+            v.position.truncate().as_dvec2().distance(farm.yard.at) < farm.yard.radius_m + 0.01
+        };
+        for v in ground.vertices.iter().filter(inside) {
+            assert!((f64::from(v.position.z) - farm.yard.height_m).abs() < 0.01, "{}", v.position);
+        }
+    }
+}
+
+/// Triangles are what a software adapter is slowest with.
+#[test]
+fn the_land_keeps_to_its_budget_of_triangles() {
+    for map in [city(), grid("3x2")] {
+        let land = land_of(&map);
+        let ground = land.ground().triangle_count();
+        assert!(ground < 16_000, "{ground} of the ground");
+        let objects = [land.gardens(&TreePrototypes::new()), objects_of(&map, &land)].concat();
+        let count = |level: fn(&SceneObject) -> usize| objects.iter().map(level).sum::<usize>();
+        let finest = count(|object| object.levels[0].mesh.triangle_count());
+        let coarsest = count(|object| object.levels[object.levels.len() - 1].mesh.triangle_count());
+        assert!(finest < 110_000 && coarsest < 70_000, "{finest} in full, {coarsest} at their coarsest");
+        assert!(objects.len() < 1600, "{} objects", objects.len());
+    }
+}
+
+/// Shadows and lamps keep to the town, whose bounds are those of its map.
+#[test]
+fn the_town_ends_where_it_did() {
+    let map = city();
+    let scene = SceneDescription::from_map(&map);
+    let [low, high] = map.bounds().map(|corner| corner.as_vec2());
+    assert_eq!([low, high], scene.bounds.map(|corner| corner.truncate()));
+    assert!(scene.bounds[1].z < 60.0, "{}", scene.bounds[1].z);
+}

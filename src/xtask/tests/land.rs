@@ -1,0 +1,81 @@
+//! The land around the city as pictures show it: ground up to the horizon, and something that grows on it.
+#![allow(clippy::disallowed_methods, reason = "looks at pictures; no state depends on it")]
+
+use city3d_geometry::LengthScale;
+use city3d_protocol::snapshot::FrameSnapshot;
+use city3d_render::{AdapterPreference, Context, Quality, RenderRequest, Renderer, Settings};
+use city3d_roadmap::{CityMap, Grid, load_map};
+use city3d_scene::{Class, SceneDescription};
+use city3d_sensors::{Extrinsics, Lens, PictureKind, Projection, View};
+use glam::{DVec2, DVec3};
+
+const AZIMUTHS: u32 = 12;
+const EXTENT: [u32; 2] = [160, 120];
+
+fn city() -> CityMap {
+    let shipped = include_bytes!("../../../assets/maps/ids3c.dxf");
+    load_map(shipped).expect("a map").map.to_city(LengthScale::TESTBED)
+}
+
+fn grid() -> CityMap {
+    let grid = Grid { size: "3x2".parse().expect("a size"), block_m: 3.0, entry_m: 3.0, ..Grid::default() };
+    load_map(grid.to_dxf().expect("a drawing").as_bytes()).expect("a map").map.to_city(LengthScale::TESTBED)
+}
+
+/// Views away from the town, with the horizon in their upper third.
+fn views(map: &CityMap, height_m: f64) -> Vec<View> {
+    let [low, high] = map.bounds();
+    let (middle, out) = ((low + high) / 2.0, (high - low).max_element() / 2.0 + 45.0);
+    let lens = Lens { vertical_fov_rad: 60_f64.to_radians(), extent: EXTENT, ..Lens::default() };
+    let view = |k: u32| {
+        let ahead = DVec2::from_angle(std::f64::consts::TAU * (f64::from(k) + 0.5) / f64::from(AZIMUTHS));
+        let eye = (middle + ahead * out).extend(height_m);
+        let down = if height_m > 100.0 { -0.35 } else { -0.12 };
+        View::new(Extrinsics::looking_at(eye, eye + ahead.extend(down)), &lens)
+    };
+    (0..AZIMUTHS).map(view).collect()
+}
+
+/// Sine of the angle by which the ray of a pixel rises.
+fn rise(view: &View, [x, y]: [u32; 2]) -> f64 {
+    let Projection::Pinhole { intrinsics: k, .. } = view.projection else { unreachable!("a pinhole camera") };
+    let ray = DVec3::new((f64::from(x) - k.cx) / k.fx, (f64::from(y) - k.cy) / k.fy, 1.0);
+    (view.extrinsics.orientation * ray).normalize().z
+}
+
+#[test]
+fn the_land_reaches_the_horizon_at_every_height_and_is_nowhere_bare() {
+    let context = match Context::headless(&AdapterPreference::Software) {
+        Ok(context) => context,
+        Err(error) => {
+            assert!(std::env::var_os("CI").is_none(), "pictures cannot be tested: {error}");
+            eprintln!("SKIPPED: {error}");
+            return;
+        }
+    };
+    for (name, map) in [("city", city()), ("3x2", grid())] {
+        let scene = SceneDescription::from_map(&map);
+        let quality = Quality { shadow_texels: 512, ..Quality::LOW };
+        let settings = Settings { quality, ..Settings::default() };
+        let mut renderer = Renderer::new(&context, &scene, settings).expect("a renderer");
+        for height_m in [5.0, 30.0, 300.0] {
+            let views = views(&map, height_m);
+            let kinds = [PictureKind::Semantic].into_iter().collect();
+            let requests: Vec<RenderRequest> =
+                views.iter().map(|&view| RenderRequest { view, kinds }).collect();
+            let pictures = renderer.render_kinds(&FrameSnapshot::default(), &requests).expect("pictures");
+            for (k, (view, picture)) in views.iter().zip(&pictures).enumerate() {
+                let seen = picture.semantic.as_ref().expect("classes");
+                let place = format!("{name}, {height_m} m up, view {k}");
+                let class = |[x, y]: [u32; 2]| seen.at(x, y);
+                let pixels = (0..EXTENT[1]).flat_map(|y| (0..EXTENT[0]).map(move |x| [x, y]));
+                let below: Vec<[u32; 2]> = pixels.filter(|&at| rise(view, at) < -0.02).collect();
+                let nothing = below.iter().filter(|&&at| class(at) == Class::Sky as u8).count();
+                assert_eq!(nothing, 0, "{place}: pixels of the sky below the horizon");
+                let grown = below.iter().filter(|&&at| class(at) == Class::Vegetation as u8).count();
+                let share = grown as f64 / below.len() as f64;
+                assert!(share > 0.004, "{place}: plants in {share} of the land");
+            }
+        }
+    }
+}
