@@ -269,6 +269,15 @@ mod tests {
             ];
             let land = SceneObject::of_one_level(Mesh { vertices, indices: (0..6).collect() });
             let cells = split_ground(&[land], &|_| true);
+            for [ground, stand_in] in
+                cells.iter().filter_map(|levels| <&[LodMesh; 2]>::try_from(&levels[..]).ok())
+            {
+                let ([low, high], [from, to]) = (ground.mesh.bounds(), stand_in.mesh.bounds());
+                assert!(
+                    from.truncate() == low.truncate() && to.truncate() == high.truncate() && to.z < low.z
+                );
+            }
+            assert!(cells.iter().any(|levels| levels.len() == 2));
             cells.iter().map(|levels| levels[0].mesh.triangle_count()).sum::<usize>()
         };
         // Two triangles, the smaller of which would be cut beside one that is just large.
