@@ -134,12 +134,17 @@ impl TreePrototypes {
         let levels = &self.shapes[choice.shape].levels;
         let few = levels.iter().find(|level| level.mesh.triangle_count() <= detail.triangles);
         let Some(level) = few.or(levels.last()) else { return };
+        let tone = if detail.is_in_wood { WOOD_TONE } else { 1.0 };
+        if detail.triangles <= TENT_SIDES {
+            let tinted = |finish: Finish| choice.tinted(finish).shaded(tone);
+            return add_tent(mesh, &level.mesh, city_from_tree, tinted);
+        }
         let turn = Mat3::from(city_from_tree.matrix3).inverse().transpose();
         let base = mesh.vertices.len() as u32;
         mesh.vertices.extend(level.mesh.vertices.iter().map(|v| Vertex {
             position: city_from_tree.transform_point3(v.position),
             normal: (turn * v.normal).normalize_or(Vec3::Z),
-            finish: choice.tinted(v.finish).shaded(if detail.is_in_wood { WOOD_TONE } else { 1.0 }),
+            finish: choice.tinted(v.finish).shaded(tone),
             ..*v
         }));
         let is_drawn = |t: &&[u32]| {
@@ -150,7 +155,39 @@ impl TreePrototypes {
     }
 }
 
-/// How a tree of the country is drawn: at the finest level with at most so many triangles.
+/// Sides of a tent, the least that stands for a tree.
+pub(super) const TENT_SIDES: usize = 5;
+
+/// Adds a tent as wide and high as a tree: far away its crown is a few pixels.
+fn add_tent(mesh: &mut Mesh, tree: &Mesh, city_from_tree: &Affine3A, tinted: impl Fn(Finish) -> Finish) {
+    let leaves = || tree.vertices.iter().filter(|v| v.finish.surface != Surface::Wood);
+    let Some(leaf) = leaves().next() else { return };
+    let low = leaves().map(|v| v.position.z).fold(f32::INFINITY, f32::min);
+    let high = leaves().map(|v| v.position.z).fold(f32::NEG_INFINITY, f32::max);
+    let radius = leaves().map(|v| v.position.truncate().length()).fold(0.0, f32::max);
+    let finish = tinted(leaf.finish);
+    let turn = Mat3::from(city_from_tree.matrix3).inverse().transpose();
+    let mut corner = |at: Vec3, normal: Vec3| {
+        mesh.vertex(Vertex {
+            position: city_from_tree.transform_point3(at),
+            normal: (turn * normal).normalize_or(Vec3::Z),
+            finish,
+            ..*leaf
+        })
+    };
+    let top = corner(Vec3::new(0.0, 0.0, high), Vec3::Z);
+    let rim: Vec<u32> = (0..TENT_SIDES)
+        .map(|k| {
+            let (sin, cos) = (std::f32::consts::TAU * k as f32 / TENT_SIDES as f32).sin_cos();
+            corner(Vec3::new(radius * cos, radius * sin, low), Vec3::new(cos, sin, 0.35))
+        })
+        .collect();
+    for k in 0..TENT_SIDES {
+        mesh.indices.extend([top, rim[k], rim[(k + 1) % TENT_SIDES]]);
+    }
+}
+
+/// How a tree of the country is drawn: at the finest level with at most so many triangles, or as a tent.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct CountryTreeDetail {
     pub(super) triangles: usize,

@@ -2,7 +2,7 @@
 //! levels of detail of those in the town, put together in tiles with levels of detail of their own.
 
 use super::super::mesh::Mesh;
-use super::super::trees::{CountryTreeDetail, Habit, TreePrototypes};
+use super::super::trees::{CountryTreeDetail, Habit, TENT_SIDES, TreePrototypes};
 use super::super::{LodMesh, SceneObject, hash_to_unit};
 use super::country_roads::{CountryRoad, VERGE_M};
 use super::farms::Farm;
@@ -17,15 +17,14 @@ use std::f32::consts::TAU;
 /// Edges of tiles, the units of culling, from these distances from the town on: houses hide small ones as a whole.
 const TILES_M: [(f64, f64); 3] = [(700.0, 208.0), (280.0, 104.0), (0.0, 52.0)];
 /// Levels of detail: triangles of a tree at most, and how far what is drawn may be from the finest.
-const LEVELS: [(usize, f32); 3] = [(74, 0.0), (30, 0.6), (16, 2.5)];
-/// The least of the coarsest level of a wood, in which trees stand for others.
-const THINNED_M: f32 = 6.0;
-/// From this error on only woods are drawn: what stands alone is thinner than a pixel.
-const WOODS_ALONE_M: f32 = 14.0;
+const LEVELS: [(usize, f32); 5] = [(74, 0.0), (30, 0.6), (16, 2.5), (TENT_SIDES, 4.5), (TENT_SIDES, 9.0)];
+/// In each level of a wood one tree in so many stands for the others, so much wider.
+const STANDS_FOR: [(u32, f32); LEVELS.len()] = [(1, 1.0), (1, 1.0), (1, 1.0), (1, 1.0), (3, 1.45)];
+/// Levels of what stands alone. From the error of the next one on it is not drawn: it is no taller.
+const LEVELS_ALONE: usize = 4;
+const WOODS_ALONE_M: f32 = 8.0;
 /// Distances from the town from which trees have no more triangles than these: cameras stay near it.
-const AT_MOST: [(f64, usize); 3] = [(800.0, 16), (200.0, 30), (110.0, 40)];
-/// In the coarsest level one tree of a wood in so many stands for all.
-const STANDS_FOR: u32 = 3;
+const AT_MOST: [(f64, usize); 3] = [(500.0, 16), (160.0, 30), (110.0, 40)];
 /// Plants keep this clear of verges, and of the town.
 const OFF_VERGE_M: f64 = 2.2;
 const OFF_TOWN_M: f64 = 8.0;
@@ -199,12 +198,15 @@ impl Greenery<'_> {
         let at_most =
             AT_MOST.iter().find(|(from_m, _)| away > *from_m).map_or(LEVELS[0].0, |(_, most)| *most);
         for (level, (&(triangles, _), mesh)) in LEVELS.iter().zip(levels).enumerate() {
-            let is_last = level + 1 == LEVELS.len();
-            let is_thinned = is_last && tree.in_wood && tree.radius_m < BROAD_M;
-            if is_thinned && !tree.seed.is_multiple_of(STANDS_FOR) {
+            if level >= LEVELS_ALONE && !tree.in_wood {
                 continue;
             }
-            let wide = if is_thinned { 1.45 } else { 1.0 };
+            // A broad crown stands for others at every level.
+            let thinned = level - usize::from(tree.radius_m > BROAD_M && level >= LEVELS_ALONE);
+            let (stands_for, wide) = STANDS_FOR[thinned];
+            if !tree.seed.is_multiple_of(stands_for) {
+                continue;
+            }
             let scale = Vec3::new(radius * wide, radius * wide, radius * tall);
             let here = Affine3A::from_scale_rotation_translation(scale, turn, foot);
             let detail = CountryTreeDetail { triangles: triangles.min(at_most), is_in_wood: tree.in_wood };
@@ -236,7 +238,7 @@ impl Greenery<'_> {
         };
         // In one tile at all levels.
         let tile = tiles.entry(self.tile_of(ends[0].midpoint(ends[1]))).or_default();
-        let [fine, coarse, coarsest] = &mut tile.others;
+        let [fine, coarse, coarser, coarsest, _] = &mut tile.others;
         for k in (0..last).filter(|&k| stands[k as usize] && stands[k as usize + 1]) {
             draw(fine, k, k + 1, is_fine);
             draw(coarse, k, k + 1, false);
@@ -246,6 +248,7 @@ impl Greenery<'_> {
             let joined = (from..=last.min(from + HEDGE_JOINED)).take_while(|&k| stands[k as usize]);
             let to = joined.last().unwrap_or(from);
             if to > from {
+                draw(coarser, from, to, false);
                 draw(coarsest, from, to, false);
             }
             from = to.max(from + 1);
@@ -266,13 +269,20 @@ impl Greenery<'_> {
 impl Tile {
     /// The plants with their levels of detail: woods, and what stands alone.
     fn objects(self) -> [SceneObject; 2] {
-        let object = |[fine, coarse, coarsest]: [Mesh; LEVELS.len()], error_m: f32| {
+        let object = |[fine, coarser @ ..]: [Mesh; LEVELS.len()]| {
             let mut object = SceneObject::of_one_level(fine);
-            object.add_level(coarse, LEVELS[1].1);
-            object.add_level(coarsest, error_m);
+            for (k, mesh) in coarser.into_iter().enumerate() {
+                let (triangles, error_m) = LEVELS[k + 1];
+                if triangles == TENT_SIDES && STANDS_FOR[k + 1].0 == 1 && !mesh.is_empty() {
+                    // Tents have the height and the width of their trees.
+                    object.levels.push(LodMesh { mesh, error_m });
+                } else {
+                    object.add_level(mesh, error_m);
+                }
+            }
             object
         };
-        let (woods, mut others) = (object(self.woods, THINNED_M), object(self.others, LEVELS[2].1));
+        let (woods, mut others) = (object(self.woods), object(self.others));
         if others.levels.iter().all(|level| level.error_m < WOODS_ALONE_M) {
             others.levels.push(LodMesh { mesh: Mesh::default(), error_m: WOODS_ALONE_M });
         }
