@@ -15,6 +15,8 @@ struct Fragment {
     // Body frame, metres.
     @location(0) at: vec2<f32>,
     @location(1) @interpolate(flat) half_size: vec2<f32>,
+    // Share of the road's light that comes through the fog.
+    @location(2) clear: f32,
 }
 
 const SPREAD: f32 = 0.55;
@@ -30,6 +32,7 @@ fn vertex_main(in: VertexIn) -> Fragment {
     out.clip = view.clip_from_world * vec4<f32>(world, 1.0);
     out.at = at;
     out.half_size = in.half_size.xy;
+    out.clear = fog_transmittance(world - view.eye.xyz, view.eye.z, frame.haze.w);
     return out;
 }
 
@@ -37,5 +40,5 @@ fn vertex_main(in: VertexIn) -> Fragment {
 fn fragment_main(in: Fragment) -> @location(0) vec4<f32> {
     let outside = length(max(abs(in.at) - (in.half_size - 0.35), vec2<f32>(0.0)));
     let dark = 1.0 - smoothstep(0.0, SPREAD + 0.35, outside);
-    return vec4<f32>(0.0, 0.0, 0.0, 0.72 * dark);
+    return vec4<f32>(0.0, 0.0, 0.0, 0.72 * dark * in.clear);
 }
