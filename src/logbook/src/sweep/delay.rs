@@ -8,6 +8,7 @@ use crate::figures::{TidyTable, number};
 use city3d_simulation::sweep::Axis;
 use std::collections::BTreeSet;
 use thiserror::Error;
+use toml::Value;
 
 /// Columns of the table of a sweep whose means the figure's table has.
 const QUANTITIES: [&str; 14] = [
@@ -192,13 +193,17 @@ impl SweepResults<'_> {
         MeanInterval::of(&values)
     }
 
-    /// Name of a row's curve: its values of the other axes that have several.
+    /// Name of a row's curve: its values of the other axes that have several, else of those whose value is a word, such as an
+    /// algorithm, else the scenario.
     fn curve(&self, row: &[String], abscissa: usize) -> String {
-        let others = self.axes.iter().zip(row).enumerate();
-        let others = others.filter(|(index, (axis, _))| *index != abscissa && axis.values.len() > 1);
-        let words: Vec<String> =
-            others.map(|(_, (axis, value))| format!("{} {value}", last_part(&axis.key))).collect();
-        if words.is_empty() { self.name().to_owned() } else { words.join(", ") }
+        let others = || self.axes.iter().zip(row).enumerate().filter(|(index, _)| *index != abscissa);
+        let words = |is_named: &dyn Fn(&Axis) -> bool| {
+            let named = others().filter(|(_, (axis, _))| is_named(axis));
+            named.map(|(_, (axis, value))| format!("{} {value}", last_part(&axis.key))).collect::<Vec<_>>()
+        };
+        let varied = words(&|axis| axis.values.len() > 1);
+        let named = if varied.is_empty() { words(&|axis| axis.values.iter().all(Value::is_str)) } else { varied };
+        if named.is_empty() { self.name().to_owned() } else { named.join(", ") }
     }
 }
 
@@ -296,6 +301,13 @@ mod tests {
         let figure = DelayCurves::of(&results).unwrap().figure();
         assert_eq!((figure.name.as_str(), figure.panels[0].x_label.as_str()), ("delay", "share_cav"));
         assert_eq!(figure.panels[0].lines[0].points, [(600.0, 5.5), (1200.0, 9.5)]);
+        // A word that all runs share names the curve, a number does not.
+        let alike: Vec<Axis> = ["coordination.algorithm=replan", "inflow.*.share_cav=600,1200"]
+            .map(|axis| axis.parse().unwrap())
+            .into();
+        let few: Vec<Vec<String>> = rows[..4].to_vec();
+        let curves = DelayCurves::of(&SweepResults { axes: &alike, rows: &few, ..results }).unwrap();
+        assert_eq!(curves.names(), ["algorithm yield"]);
         // No number, no runs.
         for axis in ["coordination.algorithm=yield,insert", "environment.loss=0,0.1"] {
             let axes: Vec<Axis> = vec![axis.parse().unwrap()];
