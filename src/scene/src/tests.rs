@@ -382,10 +382,9 @@ fn coarser_levels_keep_to_their_error() {
     for object in &scene.objects {
         let finest = &object.levels[0].mesh;
         let [low, high] = finest.bounds();
-        let is_tree = finest
-            .vertices
-            .iter()
-            .any(|v| matches!(v.finish.surface, Surface::Leaves | Surface::Needles) && v.position.z > 2.5);
+        let is_tree = finest.vertices.iter().any(|v| {
+            matches!(v.finish.surface, Surface::Leaves | Surface::Needles) && v.position.z > low.z + 2.5
+        });
         let bridged_m = if is_tree { trees::BRIDGED * (high - low).truncate().max_element() } else { 0.0 };
         // What is no longer drawn has no corners.
         for level in object.levels.iter().skip(1).filter(|level| !level.mesh.is_empty()) {

@@ -202,7 +202,8 @@ impl SweepResults<'_> {
             named.map(|(_, (axis, value))| format!("{} {value}", last_part(&axis.key))).collect::<Vec<_>>()
         };
         let varied = words(&|axis| axis.values.len() > 1);
-        let named = if varied.is_empty() { words(&|axis| axis.values.iter().all(Value::is_str)) } else { varied };
+        let named =
+            if varied.is_empty() { words(&|axis| axis.values.iter().all(Value::is_str)) } else { varied };
         if named.is_empty() { self.name().to_owned() } else { named.join(", ") }
     }
 }

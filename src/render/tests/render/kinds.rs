@@ -274,13 +274,20 @@ fn depth_lies_on_the_road_of_the_city() {
     let (text, library) = Library::scenario("roundabout").unwrap();
     let experiment = read_experiment("roundabout", &text, &library, Overrides::default()).unwrap();
     let scene = SceneDescription::from_map(&experiment.city_map);
+    let lanes = experiment.city_map.lanes.iter().flat_map(|lane| [lane.curve.start(), lane.curve.end()]);
+    let ends: Vec<DVec2> = lanes.map(|pose| pose.position).collect();
+    // Half the width of the widest road beside its lanes, and how high roads that lead out begin.
+    const BESIDE_M: f64 = 5.0;
+    const PAVEMENT_M: f64 = 0.145;
+    let low = ends.iter().fold(DVec2::INFINITY, |low, at| low.min(*at)) - BESIDE_M;
+    let high = ends.iter().fold(DVec2::NEG_INFINITY, |high, at| high.max(*at)) + BESIDE_M;
     let mut renderer = renderer(&context, &scene);
     let mut run = Run::new(Arc::new(experiment)).unwrap();
     while run.snapshot().tick < 300 {
         run.step();
     }
     let at = run.snapshot();
-    let mut roads = 0;
+    let (mut streets, mut ramps) = (0, 0);
     for (id, mount) in [(2, Mount::Windscreen), (4, Mount::Windscreen), (6, Mount::Bumper)] {
         let view = Camera::onboard(VehicleId(id), mount).view(at, &lens()).unwrap();
         let seen = Seen::new(take(&mut renderer, at, &view));
@@ -288,15 +295,24 @@ fn depth_lies_on_the_road_of_the_city() {
         for pixel in seen.of_class(Class::Road) {
             let depth = seen.depth.at(pixel.0, pixel.1);
             let point = unprojected(&view, pixel, depth);
-            // Patches and lanes lie some millimetres higher than the road around them.
-            assert!(point.z.abs() < 0.01, "vehicle {id}, pixel {pixel:?}, {depth} m: {point}");
-            roads += 1;
+            // Roads that lead out rise with the land.
+            if !(low.cmplt(point.truncate()).all() && point.truncate().cmplt(high).all()) {
+                continue;
+            }
+            // Patches and lanes lie some millimetres higher than the road around them; a road that leads out climbs the
+            // pavement.
+            assert!(
+                (-0.01..PAVEMENT_M + 0.01).contains(&point.z),
+                "vehicle {id}, {pixel:?}, {depth} m: {point}"
+            );
+            let is_street = point.z < 0.01;
+            (streets, ramps) = (streets + usize::from(is_street), ramps + usize::from(!is_street));
         }
         // Of the own body only what the picture shows.
         let own = seen.pixels.iter().filter(|&&(x, y)| u32::from(seen.instance.at(x, y)) == id);
         assert!(own.clone().all(|&(_, y)| y > 140), "{:?}", own.min_by_key(|at| at.1));
     }
-    assert!(roads > 20_000, "{roads} pixels of road");
+    assert!(streets > 20_000 && ramps * 50 < streets, "{streets} pixels of streets, {ramps} of ramps");
 }
 
 #[test]

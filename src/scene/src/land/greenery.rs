@@ -18,6 +18,10 @@ use std::f32::consts::TAU;
 const TILES_M: [(f64, f64); 3] = [(700.0, 208.0), (280.0, 104.0), (0.0, 52.0)];
 /// Levels of detail: triangles of a tree at most, and how far what is drawn may be from the finest.
 const LEVELS: [(usize, f32); 5] = [(74, 0.0), (30, 0.6), (16, 2.5), (TENT_SIDES, 4.5), (TENT_SIDES, 9.0)];
+/// Trees of a wood have no trunks, and the hulls of their crowns reach down to the ground: so much farther off than alone.
+const WOOD_FARTHER: f32 = 2.1;
+/// Crowns up to this radius keep to these errors, of broader ones they are larger in proportion.
+const USUAL_M: f32 = 4.5;
 /// In each level of a wood one tree in so many stands for the others, so much wider.
 const STANDS_FOR: [(u32, f32); LEVELS.len()] = [(1, 1.0), (1, 1.0), (1, 1.0), (1, 1.0), (3, 1.45)];
 /// Levels of what stands alone. From the error of the next one on it is not drawn: it is no taller.
@@ -41,7 +45,7 @@ const AVENUE_M: f64 = 17.0;
 /// Beyond the first distance hedgerows have few corners at all levels, beyond the second there are none.
 const HEDGES_M: [f64; 2] = [330.0, 1200.0];
 /// Stretches of a hedgerow that are one in the coarsest level.
-const HEDGE_JOINED: u32 = 4;
+const HEDGE_JOINED: u32 = 2;
 /// Lattice of trees that stand alone, the share of its nodes that have one, and how far from the town they grow.
 const ALONE_M: f64 = 64.0;
 const ALONE: f32 = 0.2;
@@ -52,6 +56,8 @@ const ALONE_WITHIN_M: f64 = 700.0;
 struct Tile {
     woods: [Mesh; LEVELS.len()],
     others: [Mesh; LEVELS.len()],
+    /// Radius of its broadest crown, metres.
+    broadest_m: f32,
 }
 
 /// Tiles by the rank of their size and their place.
@@ -180,6 +186,7 @@ impl Greenery<'_> {
 
     fn plant(&self, tiles: &mut Tiles, tree: CountryTree) {
         let tile = tiles.entry(self.tile_of(tree.at)).or_default();
+        tile.broadest_m = tile.broadest_m.max(tree.radius_m as f32);
         let levels = if tree.in_wood { &mut tile.woods } else { &mut tile.others };
         let hash = |salt| hash_to_unit(tree.seed, salt);
         let turn = Quat::from_rotation_z(TAU * hash(4));
@@ -242,13 +249,13 @@ impl Greenery<'_> {
         for k in (0..last).filter(|&k| stands[k as usize] && stands[k as usize + 1]) {
             draw(fine, k, k + 1, is_fine);
             draw(coarse, k, k + 1, false);
+            draw(coarser, k, k + 1, false);
         }
         let mut from = 0;
         while from < last {
             let joined = (from..=last.min(from + HEDGE_JOINED)).take_while(|&k| stands[k as usize]);
             let to = joined.last().unwrap_or(from);
             if to > from {
-                draw(coarser, from, to, false);
                 draw(coarsest, from, to, false);
             }
             from = to.max(from + 1);
@@ -269,20 +276,15 @@ impl Greenery<'_> {
 impl Tile {
     /// The plants with their levels of detail: woods, and what stands alone.
     fn objects(self) -> [SceneObject; 2] {
-        let object = |[fine, coarser @ ..]: [Mesh; LEVELS.len()]| {
+        let object = |[fine, coarser @ ..]: [Mesh; LEVELS.len()], broader: f32| {
             let mut object = SceneObject::of_one_level(fine);
-            for (k, mesh) in coarser.into_iter().enumerate() {
-                let (triangles, error_m) = LEVELS[k + 1];
-                if triangles == TENT_SIDES && STANDS_FOR[k + 1].0 == 1 && !mesh.is_empty() {
-                    // Tents have the height and the width of their trees.
-                    object.levels.push(LodMesh { mesh, error_m });
-                } else {
-                    object.add_level(mesh, error_m);
-                }
+            for (mesh, (_, error_m)) in coarser.into_iter().zip(&LEVELS[1..]) {
+                object.add_level(mesh, error_m * broader);
             }
             object
         };
-        let (woods, mut others) = (object(self.woods), object(self.others));
+        let broader = (self.broadest_m / USUAL_M).max(1.0);
+        let (woods, mut others) = (object(self.woods, broader * WOOD_FARTHER), object(self.others, broader));
         if others.levels.iter().all(|level| level.error_m < WOODS_ALONE_M) {
             others.levels.push(LodMesh { mesh: Mesh::default(), error_m: WOODS_ALONE_M });
         }
