@@ -80,6 +80,12 @@ impl<'a> TargetView<'a> {
 }
 
 impl Context {
+    /// How an instance is checked: without debugging data in shaders, which validation layers of Debian 12 do not know.
+    /// `WGPU_DEBUG` and `WGPU_VALIDATION` choose otherwise.
+    pub fn instance_flags() -> wgpu::InstanceFlags {
+        wgpu::InstanceFlags::from_build_config().difference(wgpu::InstanceFlags::DEBUG).with_env()
+    }
+
     /// Opens an adapter without a window (headless).
     ///
     /// # Errors
@@ -192,9 +198,7 @@ pub(super) fn filled_buffer(
 fn instance() -> wgpu::Instance {
     let mut descriptor = wgpu::InstanceDescriptor::new_without_display_handle();
     descriptor.backends = wgpu::Backends::PRIMARY;
-    // Validation layers of Debian 12 do not know the debugging data of shaders. WGPU_DEBUG and WGPU_VALIDATION choose otherwise.
-    descriptor.flags.remove(wgpu::InstanceFlags::DEBUG);
-    descriptor.flags = descriptor.flags.with_env();
+    descriptor.flags = Context::instance_flags();
     wgpu::Instance::new(descriptor)
 }
 

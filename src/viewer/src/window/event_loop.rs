@@ -211,6 +211,7 @@ impl OpenWindow {
         let mut descriptor =
             wgpu::InstanceDescriptor::new_with_display_handle(Box::new(events.owned_display_handle()));
         descriptor.backends = wgpu::Backends::PRIMARY;
+        descriptor.flags = Context::instance_flags();
         let instance = wgpu::Instance::new(descriptor);
         let surface = instance.create_surface(Arc::clone(&window))?;
         let context = Context::for_surface(&instance, &surface, &options.preference())?;
