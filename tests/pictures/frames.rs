@@ -1,7 +1,7 @@
 //! `city3d frames` as a user runs it: small pictures on the software adapter.
 
-use crate::support::drawing;
 use crate::support::link;
+use crate::support::{described, drawing};
 
 use city3d_geometry::trig;
 use city3d_protocol::snapshot::{FrameSnapshot, VehicleInfo, VehicleState};
@@ -194,15 +194,7 @@ fn the_table_is_as_described() {
     if software().is_none() {
         return;
     }
-    let document = include_str!("../../docs/cameras.md");
-    let (_, section) = document.split_once("\n## frames.csv\n").expect("a section");
-    let rows = section
-        .lines()
-        .skip_while(|line| !line.starts_with("| column"))
-        .take_while(|line| line.starts_with('|'));
-    let described: Vec<&str> = rows
-        .flat_map(|row| row.split('|').nth(1).unwrap_or_default().split('`').skip(1).step_by(2))
-        .collect();
+    let described = described::columns(include_str!("../../docs/cameras.md"), "frames.csv");
     let folder = tempfile::tempdir().expect("a folder");
     let arguments = ["--camera", "overhead", "--duration", "0.5", "--size", "16x16", "--kind", "semantic"];
     run_well("straight", folder.path(), &arguments);

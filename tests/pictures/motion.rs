@@ -1,5 +1,6 @@
 //! Optical flow and boxes of `city3d frames`, held against the pictures themselves.
 
+use crate::support::described;
 use crate::support::drawing::software;
 
 use csv::StringRecord;
@@ -150,15 +151,7 @@ fn the_columns_of_boxes_are_as_described() {
     if software().is_none() {
         return;
     }
-    let document = include_str!("../../docs/cameras.md");
-    let (_, section) = document.split_once("\n## boxes.csv\n").expect("a section");
-    let rows = section
-        .lines()
-        .skip_while(|line| !line.starts_with("| column"))
-        .take_while(|line| line.starts_with('|'));
-    let described: Vec<&str> = rows
-        .flat_map(|row| row.split('|').nth(1).unwrap_or_default().split('`').skip(1).step_by(2))
-        .collect();
+    let described = described::columns(include_str!("../../docs/cameras.md"), "boxes.csv");
     let folder = tempfile::tempdir().expect("a folder");
     let (code, said) = frames(folder.path(), &["--camera", "overhead", "--duration", "0.01", "--boxes"]);
     assert_eq!(code, 0, "{said}");

@@ -3,6 +3,7 @@
 #![allow(dead_code, reason = "each test binary uses its own part")]
 
 pub mod bag;
+pub mod described;
 pub mod drawing;
 pub mod golden;
 pub mod link;

@@ -10,11 +10,10 @@ use std::collections::BTreeMap;
 #[derive(Clone, Debug, PartialEq)]
 pub struct Motion {
     now: View,
-    /// Earlier clip coordinates from the present city frame, of what stands still.
-    still: DMat4,
     before: View,
-    /// The same of what moves with each vehicle. Those that were not there before are missing.
-    vehicles: BTreeMap<u16, DMat4>,
+    /// Earlier places in the city from the present ones, of what moves with each vehicle. Those that were not there before are
+    /// missing.
+    vehicles: BTreeMap<u16, DAffine3>,
 }
 
 impl Motion {
@@ -23,22 +22,23 @@ impl Motion {
         (snapshot_before, before): (&FrameSnapshot, View),
         (snapshot_now, now): (&FrameSnapshot, View),
     ) -> Self {
-        let still = before.clip_from_world();
         let moved = |state: &VehicleState| {
             let earlier = snapshot_before.vehicle(state.id)?;
             let id = u16::try_from(state.id.0).ok()?;
-            Some((id, still * DMat4::from(city_from_body(earlier) * city_from_body(state).inverse())))
+            Some((id, city_from_body(earlier) * city_from_body(state).inverse()))
         };
-        Self { now, still, before, vehicles: snapshot_now.vehicles.iter().filter_map(moved).collect() }
+        Self { now, before, vehicles: snapshot_now.vehicles.iter().filter_map(moved).collect() }
     }
 
     /// Right and down, pixels, that each pixel has moved since the earlier picture; not numbers where that is not known: a
     /// vehicle was not there, or a point was behind the camera.
     pub fn flow(&self, depth: &Plane<f32>, instance: &Plane<u16>) -> Plane<[f32; 2]> {
-        let world_from_camera = DMat4::from(self.now.extrinsics.world_from_camera());
-        let still = self.still * world_from_camera;
+        let earlier_clip = self.before.clip_from_world();
+        let world_from_camera = self.now.extrinsics.world_from_camera();
+        let still = earlier_clip * DMat4::from(world_from_camera);
+        let of_vehicle = |moved: &DAffine3| earlier_clip * DMat4::from(*moved * world_from_camera);
         let vehicles: BTreeMap<u16, DMat4> =
-            self.vehicles.iter().map(|(&id, earlier)| (id, *earlier * world_from_camera)).collect();
+            self.vehicles.iter().map(|(&id, moved)| (id, of_vehicle(moved))).collect();
         let of = |(index, (&depth_m, &id)): (usize, (&f32, &u16))| {
             let (x, y) = (index % depth.width as usize, index / depth.width as usize);
             let earlier = if id == 0 { Some(&still) } else { vehicles.get(&id) };

@@ -45,7 +45,8 @@ fn overcast(clear: Light, cover: f32, brightness: f32) -> Light {
     let scattered = luminance(clear.sun) * clear.to_sun.z.max(0.0) * cover;
     let horizon = towards_grey(clear.haze_srgb, cover).map(|channel| channel * brightness);
     let above = horizon.map(|channel| channel * 0.86);
-    let sky = grey_of(clear.sky, cover).map(|channel| channel * (1.0 - 0.4 * cover) + 0.27 * scattered);
+    let sky =
+        towards_grey(clear.sky, 0.75 * cover).map(|channel| channel * (1.0 - 0.4 * cover) + 0.27 * scattered);
     let light = Light {
         sun: clear.sun.map(|channel| channel * (1.0 - cover)),
         sky,
@@ -62,10 +63,6 @@ fn overcast(clear: Light, cover: f32, brightness: f32) -> Light {
     };
     // What reflections show is what the sky shows.
     Light { zenith: light.radiance_of(above), ..light }
-}
-
-fn grey_of(colour: [f32; 3], share: f32) -> [f32; 3] {
-    towards_grey(colour, 0.75 * share)
 }
 
 /// A colour, with a share of it replaced by grey of the same luminance.

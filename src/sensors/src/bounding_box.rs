@@ -24,11 +24,11 @@ pub struct PixelRect {
     pub to: DVec2,
 }
 
-/// Pairs of corners that an edge of the box joins.
-const EDGES: [(usize, usize); 12] =
-    [(0, 1), (1, 2), (2, 3), (3, 0), (4, 5), (5, 6), (6, 7), (7, 4), (0, 4), (1, 5), (2, 6), (3, 7)];
-
 impl BoundingBox {
+    /// Pairs of corners that an edge of the box joins.
+    pub const EDGES: [(usize, usize); 12] =
+        [(0, 1), (1, 2), (2, 3), (3, 0), (4, 5), (5, 6), (6, 7), (7, 4), (0, 4), (1, 5), (2, 6), (3, 7)];
+
     /// The box of a vehicle.
     pub fn of(vehicle: &VehicleState, info: &VehicleInfo) -> Self {
         let d = &info.dimensions;
@@ -55,7 +55,7 @@ impl View {
         let corners = solid.corners().map(|corner| clip_from_world * corner.extend(1.0));
         // Distance before the near plane, where the depth is 1.
         let before = |clip: DVec4| clip.w - clip.z;
-        let crossings = EDGES.iter().filter_map(|&(a, b)| {
+        let crossings = BoundingBox::EDGES.iter().filter_map(|&(a, b)| {
             let (from, to) = (corners[a], corners[b]);
             let (near, far) = (before(from), before(to));
             ((near > 0.0) != (far > 0.0)).then(|| from + (to - from) * (near / (near - far)))

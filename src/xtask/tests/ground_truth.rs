@@ -1,6 +1,9 @@
 //! Ground truth of random views; `cargo xtask ground-truth` looks at many more.
 
-use city3d_render::{AdapterPreference, Context};
+#[allow(dead_code, reason = "each test uses its own part")]
+#[path = "../../../tests/support/drawing.rs"]
+mod drawing;
+
 use xtask::ground_truth::City;
 
 /// Views of each city.
@@ -8,14 +11,7 @@ const VIEWS: usize = 40;
 
 #[test]
 fn every_ray_that_points_down_hits_something_and_presets_agree() {
-    let context = match Context::headless(&AdapterPreference::Software) {
-        Ok(context) => context,
-        Err(error) => {
-            assert!(std::env::var_os("CI").is_none(), "pictures cannot be tested: {error}");
-            eprintln!("SKIPPED: {error}");
-            return;
-        }
-    };
+    let Some(context) = drawing::software() else { return };
     for name in ["city", "2x2"] {
         let city = City::read(name).expect("a city");
         let report = city.check(&context, VIEWS, 7).expect("pictures");

@@ -1,9 +1,13 @@
 //! The land around the city as pictures show it: ground up to the horizon, and something that grows on it.
 #![allow(clippy::disallowed_methods, reason = "looks at pictures; no state depends on it")]
 
+#[allow(dead_code, reason = "each test uses its own part")]
+#[path = "../../../tests/support/drawing.rs"]
+mod drawing;
+
 use city3d_geometry::LengthScale;
 use city3d_protocol::snapshot::FrameSnapshot;
-use city3d_render::{AdapterPreference, Context, Quality, RenderRequest, Renderer, Settings};
+use city3d_render::{Quality, RenderRequest, Renderer, Settings};
 use city3d_roadmap::{CityMap, Grid, load_map};
 use city3d_scene::{Class, SceneDescription};
 use city3d_sensors::{Extrinsics, Lens, PictureKind, Projection, View};
@@ -49,14 +53,7 @@ fn rise(view: &View, [x, y]: [u32; 2]) -> f64 {
 
 #[test]
 fn the_land_reaches_the_horizon_at_every_height_and_is_nowhere_bare() {
-    let context = match Context::headless(&AdapterPreference::Software) {
-        Ok(context) => context,
-        Err(error) => {
-            assert!(std::env::var_os("CI").is_none(), "pictures cannot be tested: {error}");
-            eprintln!("SKIPPED: {error}");
-            return;
-        }
-    };
+    let Some(context) = drawing::software() else { return };
     for (name, map) in [("city", city()), ("3x2", grid())] {
         let scene = SceneDescription::from_map(&map);
         let quality = Quality { shadow_texels: 512, ..Quality::LOW };

@@ -22,8 +22,9 @@ const LEVELS: [(usize, f32); 5] = [(74, 0.0), (30, 0.6), (16, 2.5), (TENT_SIDES,
 const WOOD_FARTHER: f32 = 2.1;
 /// Crowns up to this radius keep to these errors, of broader ones they are larger in proportion.
 const USUAL_M: f32 = 4.5;
-/// In each level of a wood one tree in so many stands for the others, so much wider.
-const STANDS_FOR: [(u32, f32); LEVELS.len()] = [(1, 1.0), (1, 1.0), (1, 1.0), (1, 1.0), (3, 1.45)];
+/// In the coarsest level of a wood one tree in so many stands for the others, so much wider.
+const STANDS_FOR: u32 = 3;
+const WIDER: f32 = 1.45;
 /// Levels of what stands alone. From the error of the next one on it is not drawn: it is no taller.
 const LEVELS_ALONE: usize = 4;
 const WOODS_ALONE_M: f32 = 8.0;
@@ -209,11 +210,11 @@ impl Greenery<'_> {
                 continue;
             }
             // A broad crown stands for others at every level.
-            let thinned = level - usize::from(tree.radius_m > BROAD_M && level >= LEVELS_ALONE);
-            let (stands_for, wide) = STANDS_FOR[thinned];
-            if !tree.seed.is_multiple_of(stands_for) {
+            let is_thinned = level >= LEVELS_ALONE && tree.radius_m <= BROAD_M;
+            if is_thinned && !tree.seed.is_multiple_of(STANDS_FOR) {
                 continue;
             }
+            let wide = if is_thinned { WIDER } else { 1.0 };
             let scale = Vec3::new(radius * wide, radius * wide, radius * tall);
             let here = Affine3A::from_scale_rotation_translation(scale, turn, foot);
             let detail = CountryTreeDetail { triangles: triangles.min(at_most), is_in_wood: tree.in_wood };

@@ -11,7 +11,7 @@ use super::{
     rulers, theme,
 };
 use city3d_protocol::snapshot::{Status, VehicleId};
-use city3d_sensors::PictureKind;
+use city3d_sensors::{BoundingBox, PictureKind};
 use city3d_session::RunPhase;
 use egui::emath::GuiRounding as _;
 use egui::{Align2, Color32, FontId, PointerButton, Pos2, Rect, Response, RichText, Sense, Ui};
@@ -143,7 +143,7 @@ pub fn watched(state: &UiState, shown: &ViewModel<'_>, rect: Rect) -> Option<Rec
     let view = state.pictures.iter().find(|picture| picture.slot == PictureSlot::City)?.view;
     let place = |corner: DVec3| layers::place_of(&view, rect, corner);
     let (vehicle, info) = seen;
-    let corners: Vec<Pos2> = overlay::corners(vehicle, info).into_iter().filter_map(place).collect();
+    let corners: Vec<Pos2> = BoundingBox::of(vehicle, info).corners().into_iter().filter_map(place).collect();
     let on_screen = Rect::from_points(&corners).intersect(rect);
     on_screen.is_positive().then_some(on_screen)
 }

@@ -4,7 +4,7 @@ use super::colouring::ColourBy;
 use super::commands::{LABELS, MAP};
 use super::{CameraMode, UiState, ViewModel, events, occlusion, overlay, plans, status, theme};
 use city3d_protocol::snapshot::{Status, VehicleInfo, VehicleState};
-use city3d_sensors::View;
+use city3d_sensors::{BoundingBox, View};
 use egui::{Align2, Color32, FontId, Painter, Pos2, Rect, Ui};
 use glam::{DVec2, DVec3};
 use serde::{Deserialize, Serialize};
@@ -337,7 +337,8 @@ fn nearest_label_m(canvas: &Canvas<'_>, state: &UiState, shown: &ViewModel<'_>) 
 /// Where a label stands: above the box of its vehicle on the screen, so that it never covers the vehicle.
 fn label_place(canvas: &Canvas<'_>, (vehicle, info): (&VehicleState, &VehicleInfo)) -> Option<Pos2> {
     let middle = canvas.place(vehicle.position)?;
-    let corners = overlay::corners(vehicle, info).into_iter().filter_map(|corner| canvas.place(corner));
+    let corners =
+        BoundingBox::of(vehicle, info).corners().into_iter().filter_map(|corner| canvas.place(corner));
     let top = corners.map(|corner| corner.y).fold(middle.y, f32::min);
     Some(Pos2::new(middle.x, top - LABEL_GAP))
 }

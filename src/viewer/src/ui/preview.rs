@@ -6,7 +6,7 @@ use city3d_geometry::{LengthScale, trig};
 use city3d_protocol::snapshot::{FrameSnapshot, Status, VehicleId, VehicleState};
 use city3d_sensors::{Camera, Lens, Mount, MountPoint, PictureKind, View};
 use egui::emath::GuiRounding as _;
-use egui::{Align, Align2, Color32, ComboBox, FontId, Layout, Rangef, RichText, Sense, Ui, Vec2};
+use egui::{Align, Align2, Color32, ComboBox, FontId, Layout, RichText, Sense, Ui, Vec2};
 use egui_plot::{AxisHints, GridMark, Line, Plot, PlotPoints};
 use serde::{Deserialize, Serialize};
 
@@ -435,19 +435,12 @@ fn plot(
     let last = points.last().map_or_else(String::new, |[_, value]| format!(" {}", decimal.tenths(*value)));
     ui.label(RichText::new(format!("{name}:{last}")).small())
         .on_hover_text(format!("The last {KEPT_S:.0} simulated seconds"));
-    let text = FontId::monospace(9.0);
-    let colour_of_text = ui.visuals().text_color();
-    let axis = |axis: AxisHints<'static>| {
-        axis.tick_label_font(text.clone())
-            .tick_label_color(colour_of_text)
-            .label_spacing(Rangef::new(6.0, 8.0))
-    };
-    let time = axis(AxisHints::new_x()).min_thickness(11.0).formatter(|mark, _| match mark.value {
-        ago if ago > -0.5 => "0 s".to_owned(),
-        ago => format!("{ago:.0}"),
-    });
-    let value =
-        axis(AxisHints::new_y()).min_thickness(26.0).formatter(move |mark, _| decimal.plain(mark.value));
+    let time =
+        theme::small_axis(ui, AxisHints::new_x()).min_thickness(11.0).formatter(|mark, _| match mark.value {
+            ago if ago > -0.5 => "0 s".to_owned(),
+            ago => format!("{ago:.0}"),
+        });
+    let value = theme::value_axis(ui);
     Plot::new(name)
         .height(height)
         .include_x(-KEPT_S)

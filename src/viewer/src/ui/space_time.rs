@@ -6,7 +6,7 @@ use city3d_control::Route;
 use city3d_protocol::snapshot::VehicleId;
 use city3d_roadmap::{LaneId, ZoneKind};
 use city3d_session::{DIAGRAM_S, LanePlace};
-use egui::{Align2, Color32, FontId, Rangef, RichText, Ui};
+use egui::{Align2, Color32, RichText, Ui};
 use egui_plot::{AxisHints, Line, Plot, PlotPoint, PlotPoints, PlotUi, Polygon, Text, VLine};
 use std::collections::{BTreeMap, VecDeque};
 
@@ -103,21 +103,13 @@ fn keys(ui: &mut Ui, bands: &[Band]) {
 
 /// The axes.
 fn plot(ui: &Ui) -> Plot<'static> {
-    let text = FontId::monospace(9.0);
-    let colour_of_text = ui.visuals().text_color();
-    let axis = |axis: AxisHints<'static>| {
-        axis.tick_label_font(text.clone())
-            .tick_label_color(colour_of_text)
-            .label_spacing(Rangef::new(6.0, 8.0))
-    };
-    let time = axis(AxisHints::new_x()).min_thickness(11.0).formatter(|mark, _| match mark.value {
-        ahead if ahead > 0.5 => String::new(),
-        ago if ago > -0.5 => "0 s".to_owned(),
-        ago => format!("{ago:.0}"),
-    });
-    let decimal = theme::decimal(ui.ctx());
-    let value =
-        axis(AxisHints::new_y()).min_thickness(26.0).formatter(move |mark, _| decimal.plain(mark.value));
+    let time =
+        theme::small_axis(ui, AxisHints::new_x()).min_thickness(11.0).formatter(|mark, _| match mark.value {
+            ahead if ahead > 0.5 => String::new(),
+            ago if ago > -0.5 => "0 s".to_owned(),
+            ago => format!("{ago:.0}"),
+        });
+    let value = theme::value_axis(ui);
     // The list scrolls, so that its own room has no end.
     let height = (ui.clip_rect().bottom() - ui.cursor().top()).clamp(160.0, 400.0);
     Plot::new("space-time")

@@ -34,6 +34,11 @@ impl Opening {
         Self { target: OpenTarget::Scenario(request), hours: None, weather: None, starts: false }
     }
 
+    /// A log, in the light of its scenario.
+    pub fn log(log: PathBuf) -> Self {
+        Self { target: OpenTarget::Log(log), hours: None, weather: None, starts: false }
+    }
+
     /// What a request names.
     ///
     /// # Errors

@@ -7,7 +7,7 @@ mod vehicles;
 pub(super) use roads::{
     CROSSING, EDITED, LANE, MANY_ROUTES, MERGE, ROUTE, ROUTES_APART, body_colour, whole_lane,
 };
-pub(super) use vehicles::{CLOSE_GAP, CLOSE_S, DRIVEN, FRUSTUM, GAP, MEASURED, PLANNED, bumper_gap, corners};
+pub(super) use vehicles::{CLOSE_GAP, CLOSE_S, DRIVEN, FRUSTUM, GAP, MEASURED, PLANNED, bumper_gap};
 
 use super::layers::Canvas;
 use super::{UiState, ViewModel};

@@ -9,7 +9,7 @@ use city3d_geometry::Pose2;
 use city3d_protocol::snapshot::{VehicleId, VehicleInfo, VehicleState};
 use city3d_render::{Overlay, OverlayPaint};
 use city3d_roadmap::LaneId;
-use city3d_sensors::{Camera, Lens};
+use city3d_sensors::{BoundingBox, Camera, Lens};
 use city3d_simulation::measures::{LeaderAhead, TrafficPlace};
 use egui::Color32;
 use glam::{DVec2, DVec3};
@@ -88,30 +88,15 @@ fn ground_corners(pose: &Pose2, info: &VehicleInfo, margin_m: f64) -> [DVec2; 4]
         .map(|(ahead, left)| pose.point_at(ahead * half.x, left * half.y))
 }
 
-/// Corners of the box of a vehicle: the lower four as [`ground_corners`], then the upper ones.
-pub(in crate::ui) fn corners(vehicle: &VehicleState, info: &VehicleInfo) -> [DVec3; 8] {
-    let d = &info.dimensions;
-    let height_m = d.height_m * info.appearance.body.height_factor();
-    let corner = |k: usize| {
-        let (ahead, left) = [(0.5, 0.5), (-0.5, 0.5), (-0.5, -0.5), (0.5, -0.5)][k % 4];
-        let up_m = if k < 4 { 0.0 } else { height_m };
-        vehicle.position + vehicle.orientation * DVec3::new(ahead * d.length_m, left * d.width_m, up_m)
-    };
-    std::array::from_fn(corner)
-}
-
 fn edges(
     overlay: &mut Overlay,
     (vehicle, info): (&VehicleState, &VehicleInfo),
     width: f32,
     paint: OverlayPaint,
 ) {
-    let corners = corners(vehicle, info);
-    for k in 0..4 {
-        let next = (k + 1) % 4;
-        for (from, to) in [(k, next), (k + 4, next + 4), (k, k + 4)] {
-            overlay.line([corners[from], corners[to]], width, paint);
-        }
+    let corners = BoundingBox::of(vehicle, info).corners();
+    for (from, to) in BoundingBox::EDGES {
+        overlay.line([corners[from], corners[to]], width, paint);
     }
 }
 

@@ -12,7 +12,8 @@ pub use decimal::{DecimalSeparator, typed};
 pub use preferences::{Preferences, SCALES, SpeedUnit, StatusColours, Theme};
 
 use city3d_protocol::snapshot::Status;
-use egui::{Color32, Context, Id, Stroke, Visuals};
+use egui::{Color32, Context, FontId, Id, Rangef, Stroke, Ui, Visuals};
+use egui_plot::AxisHints;
 
 /// Gives the context the user's theme and scale, once after a change.
 pub(super) fn apply(context: &Context, preferences: Preferences) {
@@ -50,6 +51,20 @@ fn of(context: &Context) -> Option<Preferences> {
 /// How numbers are written in a context.
 pub fn decimal(context: &Context) -> DecimalSeparator {
     of(context).unwrap_or_default().decimal
+}
+
+/// An axis of a small plot.
+pub fn small_axis(ui: &Ui, axis: AxisHints<'static>) -> AxisHints<'static> {
+    axis.tick_label_font(FontId::monospace(9.0))
+        .tick_label_color(ui.visuals().text_color())
+        .label_spacing(Rangef::new(6.0, 8.0))
+}
+
+/// The axis of the values of a small plot, in the user's decimals.
+pub fn value_axis(ui: &Ui) -> AxisHints<'static> {
+    let decimal = decimal(ui.ctx());
+    let axis = small_axis(ui, AxisHints::new_y()).min_thickness(26.0);
+    axis.formatter(move |mark, _| decimal.plain(mark.value))
 }
 
 /// A field for a number, which takes a decimal point and a decimal comma.

@@ -103,8 +103,7 @@ impl ViewerState {
             return None;
         }
         let overrides = self.request.overrides;
-        let hours = Some(self.state.look.hours);
-        match Opening::of(&OpenRequest { what: file, overrides, hours, starts: true }) {
+        match Opening::of(&OpenRequest { what: file, overrides, hours: None, starts: true }) {
             Ok(opening) => Some(WindowRequest::Open(self.in_this_light(opening))),
             Err(why) => {
                 self.state.runs.problem = Some(Problem::of_file("This cannot be run", why));

@@ -67,12 +67,7 @@ impl ViewerState {
     pub(super) fn replay(&mut self, now_s: f64) -> Option<WindowRequest> {
         let log = log_in(self.run_state().folder.as_deref()?);
         self.end_session(now_s);
-        Some(WindowRequest::Open(self.in_this_light(Opening {
-            target: OpenTarget::Log(log),
-            hours: None,
-            weather: None,
-            starts: false,
-        })))
+        Some(WindowRequest::Open(self.in_this_light(Opening::log(log))))
     }
 
     /// The scenario from its beginning, at once.
