@@ -157,9 +157,15 @@ impl PlanRequest<'_> {
                         break;
                     }
                 }
-                here = plan.end();
+                // A section that was left adds nothing.
+                if !plan.pieces().is_empty() {
+                    here = plan.end();
+                }
             }
-            let Some((k, section, lack_s)) = failed else { return Ok(plan) };
+            let Some((k, section, lack_s)) = failed else {
+                let nothing_left = Infeasible { section: sections.start };
+                return if plan.pieces().is_empty() { Err(nothing_left) } else { Ok(plan) };
+            };
             if k == 0 || search.trials == 0 || !lack_s.is_finite() {
                 return Err(Infeasible { section });
             }

@@ -62,3 +62,39 @@ fn a_vehicle_too_close_behind_one_that_slows_down_slows_down_sooner_and_not_for_
     // A gap of a second, and the time for a vehicle's length and its standstill gap.
     assert!(entries.windows(2).all(|pair| pair[1] - pair[0] < 3.0), "{entries:?}");
 }
+
+#[test]
+fn a_vehicle_beyond_the_first_junction_of_its_zone_is_planned_from_where_it_is() {
+    let grid = Grid { size: "1x2".parse().unwrap(), ..Grid::default() };
+    let map = load_map(grid.to_dxf().unwrap().as_bytes()).unwrap().map;
+    let names = [
+        "street-1/east/1",
+        "junction-1-1/west-to-east",
+        "street-1/east/2",
+        "junction-1-2/west-to-east",
+        "street-1/east/3",
+    ];
+    let lanes = names.map(|name| map.lane_by_name(name).unwrap().id);
+    let driver = DriverParams { desired_speed_mps: 0.35, ..DriverParams::default() };
+    let route = Route::new(&map, &lanes, BODY, &driver);
+    let both = ["junction-1-1".to_owned(), "junction-1-2".to_owned()];
+    let zones = [ControlZone::of_junctions(&map, "corridor", &both, 6.0)];
+    let passage = ControlZone::passages(&zones, &route).remove(0);
+    assert_eq!(passage.sections, 0..2);
+    let request = |position_m: f64| PlanRequest {
+        route: &route,
+        body: BODY,
+        driver: &driver,
+        passage: &passage,
+        start: MotionState { time_s: 7.0, position_m, speed_mps: 0.3, acceleration_mps2: 0.0 },
+        min_speed_mps: 0.05,
+        time_weight: 1.0,
+    };
+    let gaps = PlanGaps { lateral_s: 0.8, rear_s: 1.0, standstill_m: 0.08, merges_one_by_one: false };
+    let beyond_first = BODY.axle_of_rear(route.sections[0].to_s) + 0.1;
+    let plan = request(beyond_first).plan(&gaps, &[], 0.0).unwrap();
+    assert_eq!((plan.start().time_s, plan.start().position_m), (7.0, beyond_first));
+    // Beyond both nothing is left to plan.
+    let beyond_both = BODY.axle_of_rear(route.sections[1].to_s) + 0.1;
+    assert!(request(beyond_both).plan(&gaps, &[], 0.0).is_err());
+}
