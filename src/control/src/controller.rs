@@ -196,10 +196,11 @@ impl Controller for Ploeg {
 struct Sinusoid(Idm);
 
 impl Sinusoid {
-    /// Its speed at a time: the allowed one is the highest.
+    /// Its speed at a time. The mean is two amplitudes below the allowed speed: trajectories extend the present acceleration, and
+    /// one that touched the allowed speed would flatten the wave.
     fn speed(&self, allowed_mps: f64, time_s: f64) -> f64 {
         let params = self.0.0;
-        let swing = trig::sin(TAU * params.frequency_hz * time_s) - 1.0;
+        let swing = trig::sin(TAU * params.frequency_hz * time_s) - 2.0;
         (allowed_mps + params.amplitude_mps * swing).max(0.0)
     }
 }
@@ -253,7 +254,7 @@ mod tests {
         for step in 0..1000 {
             let now_s = f64::from(step) * step_s;
             let own = OwnMotion { planned_mps: speed_mps, step_s, now_s, ..OwnMotion::default() };
-            speed_mps += driver.acceleration(own, 0.22, None) * step_s;
+            speed_mps += driver.acceleration(own, 0.24, None) * step_s;
             speeds.push(speed_mps);
         }
         let (low, high) = speeds.iter().fold((f64::MAX, 0.0_f64), |(l, h), v| (l.min(*v), h.max(*v)));
@@ -262,7 +263,7 @@ mod tests {
         assert!((speeds[124] - 0.22).abs() < 1e-9, "{}", speeds[124]);
         let wall = Some(LeaderState { gap_m: 0.1, speed_mps: 0.0 });
         let own = OwnMotion { planned_mps: 0.2, measured_mps: 0.2, step_s, ..OwnMotion::default() };
-        assert_eq!(driver.acceleration(own, 0.22, wall), -0.2);
+        assert_eq!(driver.acceleration(own, 0.24, wall), -0.2);
     }
 
     #[test]

@@ -121,7 +121,8 @@ fn behind_an_oscillating_leader_no_platoon_amplifies() {
             let gains = gains(controller, frequency_hz, Overrides::default());
             row_of_table(controller, frequency_hz, &gains);
             let most = gains.iter().fold(0.0, |most, gain| f64::max(most, *gain));
-            assert!(most <= 1.0 + TRACKED, "{controller} at {frequency_hz} Hz: {gains:?}");
+            let allowed = if controller == "idm" { TRACKED + IDM_AMPLIFIES } else { TRACKED };
+            assert!(most <= 1.0 + allowed, "{controller} at {frequency_hz} Hz: {gains:?}");
         }
     }
 }
@@ -155,7 +156,9 @@ fn in_the_testbed_cacc_amplifies_by_less_than_a_tenth_and_ploeg_and_idm_do_not()
 }
 
 /// What tracking adds to a gain.
-const TRACKED: f64 = 0.02;
+const TRACKED: f64 = 5e-4;
+/// IDM amplifies slow oscillations a little (`idm_gain` in the tests of control: 1.004 at 0.05 Hz).
+const IDM_AMPLIFIES: f64 = 0.004;
 
 #[test]
 fn without_the_table_their_controllers_drive_as_idm_to_the_last_bit() {
