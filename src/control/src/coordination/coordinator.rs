@@ -40,10 +40,15 @@ pub struct CoordinatedState {
     pub(super) dropped: Option<MotionPlan>,
 }
 
+/// A vehicle whose speed differs by more from that of its plan has left it: a person who brakes or speeds up is seen by the
+/// speed before the position tells.
+const SPEED_TOLERANCE_MPS: f64 = 0.1;
+/// A vehicle obeys whose speed is this close to what it was told last: who does not is told a speed near its own.
+const OBEYS_MPS: f64 = 0.06;
 /// A plan that is left sooner than this after it was made says that the vehicle does not follow plans.
 const KEEPS_FOR_S: f64 = 1.0;
 /// So many times in a row, and it is treated as if somebody else drove.
-const MOST_DISTRUST: u32 = 3;
+const MOST_DISTRUST: u32 = 2;
 /// For this long.
 const DISTRUSTED_S: f64 = 5.0;
 /// A review drops a plan whose gaps are short by more, seconds.
@@ -184,20 +189,32 @@ impl ZoneCoordination {
 
     /// Drops the plan of a vehicle that is not where the plan has it, or delays it where the vehicle is between conflicts.
     fn drop_left_plan(&mut self, now_s: f64, cav: &mut Cav) {
-        let (axle_s, front_s) = (cav.axle_s(), cav.front_s());
+        let (axle_s, front_s, speed_mps) = (cav.axle_s(), cav.front_s(), cav.speed_mps());
         let is_lost = cav.is_lost();
+        let obeys = (cav.plan.speed_mps - speed_mps).abs() <= OBEYS_MPS;
         let state = &mut cav.coordination;
         let (Some(plan), Some(way)) = (&state.plan, state.inside) else { return };
-        let deviation_m = plan.at(now_s).position_m - axle_s;
-        if deviation_m.abs() <= self.params.tolerance_m && !is_lost {
+        let planned = plan.at(now_s);
+        let deviation_m = planned.position_m - axle_s;
+        let is_on_plan = deviation_m.abs() <= self.params.tolerance_m
+            && (planned.speed_mps - speed_mps).abs() <= SPEED_TOLERANCE_MPS;
+        if is_on_plan && !is_lost {
             if now_s - state.planned_s > KEEPS_FOR_S {
                 state.distrust = 0;
             }
             return;
         }
-        state.distrust = if now_s - state.planned_s < KEEPS_FOR_S { state.distrust + 1 } else { 0 };
+        // Who brakes as it is told, for somebody ahead, leaves its plan and is to be trusted.
+        let obeys = !state.follows_plan && obeys;
+        state.distrust = match now_s - state.planned_s < KEEPS_FOR_S {
+            true if obeys => state.distrust,
+            true => state.distrust + 1,
+            false => 0,
+        };
         if state.distrust > MOST_DISTRUST || is_lost {
-            (state.distrust, state.is_distrusted, state.trusted_from_s) = (0, true, now_s + DISTRUSTED_S);
+            // It keeps its plans from now on, or one failure is enough.
+            state.distrust = MOST_DISTRUST;
+            (state.is_distrusted, state.trusted_from_s) = (true, now_s + DISTRUSTED_S);
         }
         let way = &state.passages[way.0];
         self.counts[way.zone].replans += 1;

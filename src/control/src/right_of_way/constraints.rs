@@ -95,8 +95,9 @@ impl View<'_> {
             if user.side == crossing.side || user.vehicle == vehicle {
                 continue;
             }
-            let goes_first =
-                user.order.is_some_and(|other| other < order) || self.is_there_already(crossing, order, user);
+            let goes_first = user.order.is_some_and(|other| other < order)
+                || self.is_there_already(crossing, order, user)
+                || self.has_to_let_through(crossing, user);
             let are_inside = to_entry_m.max(user.to_entry_m) <= -ZONE_MARGIN_M;
             if are_inside && crossing.kind == ZoneKind::Cross {
                 let own = Inside { cav: &cavs[vehicle], to_exit_m: crossing.to_s - cavs[vehicle].rear_s() };
@@ -119,6 +120,11 @@ impl View<'_> {
                 }
                 ZoneKind::Merge => {}
                 _ if leaves_on_plan(&cavs[vehicle], user, &cavs[user.vehicle]) => {}
+                // Inside, it was found to be able to stop clear of who comes.
+                _ if to_entry_m <= -ZONE_MARGIN_M && self.stops_clear(crossing, user) => {
+                    add(ConstraintKind::Stop { gap_m: 0.0 }, user.vehicle);
+                    wait_m = 0.0;
+                }
                 // A zone has to be left once entered.
                 _ if to_entry_m > -ZONE_MARGIN_M => {
                     // A leaving vehicle is likely gone before braking has to begin.
@@ -149,7 +155,51 @@ impl View<'_> {
             _ => is_before && (moves || way().is_obstructed(self.map, other)),
         }
     }
+
+    /// Whether another vehicle, which should wait, comes and cannot wait any more, as with a person at the wheel, or is not to be
+    /// trusted, while this one still can wait.
+    fn has_to_let_through(&self, crossing: &ZoneCrossing, user: &ZoneUser) -> bool {
+        let (own, other) = (&self.cavs[self.vehicle], &self.cavs[user.vehicle]);
+        let other_mps = other.speed_mps() - SPEED_ERROR_MPS;
+        let is_distrusted = other.coordination.is_distrusted;
+        let may_come = !can_wait(other, other_mps, user.to_entry_m)
+            || is_distrusted && user.to_entry_m < other_mps * DISTRUSTED_AHEAD_S;
+        if other_mps <= 0.0 || !may_come {
+            return false;
+        }
+        let may_wait = can_wait(own, own.speed_mps(), crossing.from_s - own.front_s())
+            || crossing.kind != ZoneKind::Merge && self.stops_clear(crossing, user);
+        let to_leave_m = crossing.to_s - own.rear_s();
+        match crossing.kind {
+            // Two that merge meet at the end of the zone: braking may help up to there.
+            ZoneKind::Merge => {
+                let to_end_m = user.to_exit_m - other.body.length_m;
+                let faster_mps = (other_mps - own.speed_mps()).max(0.0);
+                let can_follow = to_end_m - to_leave_m >= other.driver.stopping_distance(faster_mps);
+                let comes_sooner = to_leave_m * other_mps > to_end_m * own.speed_mps();
+                if is_distrusted { comes_sooner || !can_follow } else { may_wait && !can_follow }
+            }
+            _ => may_wait && to_leave_m * other_mps > user.to_entry_m * own.speed_mps(),
+        }
+    }
+
+    /// Whether it can still stop in a zone without being in the way of a vehicle that is not to be trusted.
+    fn stops_clear(&self, crossing: &ZoneCrossing, user: &ZoneUser) -> bool {
+        let (own, other) = (&self.cavs[self.vehicle], &self.cavs[user.vehicle]);
+        let way = Inside { cav: own, to_exit_m: crossing.to_s - own.rear_s() };
+        let others_way = Inside { cav: other, to_exit_m: user.to_exit_m };
+        let stopping_m = own.driver.stopping_distance(own.speed_mps()) + ZONE_MARGIN_M;
+        other.coordination.is_distrusted && way.stops_clear_of(self.map, stopping_m, others_way)
+    }
 }
+
+/// Whether a vehicle is able to stop before a zone.
+fn can_wait(cav: &Cav, speed_mps: f64, to_entry_m: f64) -> bool {
+    to_entry_m - ZONE_MARGIN_M >= cav.driver.stopping_distance(speed_mps)
+}
+
+/// A vehicle that does not follow its plans is expected to go on for this long.
+const DISTRUSTED_AHEAD_S: f64 = 3.0;
 
 /// Whether another vehicle on its plan will have left a zone even if it brakes with u_min from now on: no reason for a
 /// vehicle on its own plan to brake, which has its gap to it.

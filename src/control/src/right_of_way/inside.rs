@@ -38,6 +38,13 @@ impl Inside<'_> {
         (1..=steps).any(|step| depth(f64::from(step) * STEP_M) > beside_m + CLOSER_M)
     }
 
+    /// Whether nothing on the way of another one out of the crossing touches it where it stops after `stopping_m`.
+    pub(super) fn stops_clear_of(self, map: &LabMap, stopping_m: f64, other: Inside<'_>) -> bool {
+        let there = self.outline(map, stopping_m);
+        let steps = (other.to_exit_m / STEP_M).ceil() as u32;
+        (0..=steps).all(|step| other.outline(map, f64::from(step) * STEP_M).overlap(&there).is_none())
+    }
+
     /// Its outline farther on its route, both axles on it.
     fn outline(self, map: &LabMap, ahead_m: f64) -> OrientedRect {
         let (cav, axle_s) = (self.cav, self.cav.axle_s() + ahead_m);

@@ -7,7 +7,7 @@ use city3d_simulation::runner::{ControlLoop, Run};
 use city3d_simulation::scenario::{Library, Overrides, read_experiment};
 use std::sync::Arc;
 
-fn coordinated(text: &str, overrides: Overrides) -> Run {
+pub fn coordinated(text: &str, overrides: Overrides) -> Run {
     let library = Library::scenario("roundabout").unwrap().1;
     let experiment = read_experiment("test", text, &library, overrides).unwrap();
     Run::new(Arc::new(experiment)).unwrap()
@@ -35,7 +35,7 @@ struct Script {
 }
 
 /// Steering that keeps a vehicle on its lane.
-fn lane_keeping(run: &Run, id: VehicleId) -> f64 {
+pub fn lane_keeping(run: &Run, id: VehicleId) -> f64 {
     let cav = run.mainframe().cavs().iter().find(|cav| cav.id == id).unwrap();
     let map = &run.experiment().lab_map;
     let axle = cav.pose.point_at(cav.body.front_axle_m(), 0.0);

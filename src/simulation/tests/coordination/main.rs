@@ -6,6 +6,7 @@
     reason = "looks at what a run came to; no state depends on it"
 )]
 
+mod crossed;
 mod crossing;
 mod disturbed;
 mod roundabout;
