@@ -48,7 +48,7 @@ fn lines(state: &UiState, shown: &ViewModel<'_>) -> Vec<LegendLine> {
     add(layers.path, overlay::PLANNED, "way ahead, a dot every second");
     add(layers.gaps, overlay::GAP, "gap to the vehicle ahead");
     add(layers.gaps, overlay::CLOSE_GAP, "gap of less than 1 s");
-    add(layers.measured, overlay::MEASURED, measured_words(shown));
+    add(layers.measured, overlay::MEASURED, &measured_words(shown));
     add(layers.frusta, overlay::FRUSTUM, "what a camera sees");
     if layers.all_routes {
         let text = if state.selection.vehicle.is_some() { "routes of the others" } else { "routes" };
@@ -74,11 +74,12 @@ fn some_bodies(shown: &ViewModel<'_>) -> [Color32; 3] {
     })
 }
 
-fn measured_words(shown: &ViewModel<'_>) -> &'static str {
+fn measured_words(shown: &ViewModel<'_>) -> String {
     let decisions = shown.run_state.insight.as_ref().and_then(|insight| insight.decisions.as_ref());
     let is_told =
         decisions.is_some_and(|told| told.is_empty() || told.iter().any(|told| told.measured.is_some()));
-    if is_told { "measured pose" } else { "measured pose: not told by this source" }
+    let name = "measured pose";
+    if is_told { name.to_owned() } else { format!("{name}: {}", super::inspector::not_told(shown)) }
 }
 
 /// What the colours of vehicles mean.
@@ -97,6 +98,8 @@ fn colours(state: &UiState, shown: &ViewModel<'_>, wants_statuses: bool) -> Vec<
 
 const ROW: f32 = 16.0;
 const MARK: f32 = 26.0;
+/// Wide enough to read a value of the scale by its colour.
+const MARK_WITH_SCALE: f32 = 74.0;
 
 /// Paints the legend at the left edge of a rectangle, below the name of the followed vehicle.
 pub fn paint(ui: &Ui, rect: Rect, state: &UiState, shown: &ViewModel<'_>) {
@@ -110,13 +113,15 @@ pub fn paint(ui: &Ui, rect: Rect, state: &UiState, shown: &ViewModel<'_>) {
         .iter()
         .map(|line| painter.layout_no_wrap(line.text.clone(), font.clone(), Color32::from_gray(235)))
         .collect();
-    let width = texts.iter().map(|text| text.size().x).fold(0.0, f32::max) + MARK;
+    let has_scale = lines.iter().any(|line| matches!(line.mark, LegendMark::Scale));
+    let mark = if has_scale { MARK_WITH_SCALE } else { MARK };
+    let width = texts.iter().map(|text| text.size().x).fold(0.0, f32::max) + mark;
     let corner = rect.left_top() + Vec2::new(14.0, 44.0);
     let ground = Rect::from_min_size(corner, Vec2::new(width, ROW * lines.len() as f32));
     painter.rect_filled(ground.expand(6.0), 4.0, Color32::from_black_alpha(160));
     for (row, (line, text)) in lines.iter().zip(texts).enumerate() {
         let left = corner + Vec2::new(0.0, ROW * (row as f32 + 0.5));
-        let right = left + Vec2::new(MARK - 8.0, 0.0);
+        let right = left + Vec2::new(mark - 8.0, 0.0);
         match line.mark {
             LegendMark::Line(colour) => {
                 painter.add(Shape::line_segment([left, right], Stroke::new(3.0, colour)));
@@ -129,15 +134,16 @@ pub fn paint(ui: &Ui, rect: Rect, state: &UiState, shown: &ViewModel<'_>) {
                 }
             }
             LegendMark::Scale => {
-                for step in 0..6_u8 {
-                    let share = f32::from(step) / 6.0;
-                    let ends = [left.lerp(right, share), left.lerp(right, share + 1.0 / 6.0)];
-                    let colour = scale(f64::from(share) * 1.2);
+                const STEPS: u8 = 18;
+                for step in 0..STEPS {
+                    let share = |step: u8| f32::from(step) / f32::from(STEPS);
+                    let ends = [step, step + 1].map(|end| left.lerp(right, share(end)));
+                    let colour = scale(f64::from(step) / f64::from(STEPS - 1));
                     painter.add(Shape::line_segment(ends, Stroke::new(7.0, colour)));
                 }
             }
         }
-        let place = Align2::LEFT_CENTER.anchor_size(left + Vec2::new(MARK, 0.0), text.size());
+        let place = Align2::LEFT_CENTER.anchor_size(left + Vec2::new(mark, 0.0), text.size());
         painter.galley(place.min, text, Color32::WHITE);
     }
 }

@@ -14,8 +14,8 @@ use std::collections::{BTreeMap, BTreeSet};
 const STEP_M: f64 = 2.0;
 /// Opacity of control zones: the road stays visible below, also where lanes cross.
 const ZONE_TINT: f32 = 0.22;
-/// Opacity of conflict zones, of which each has two sides one over the other.
-const CONFLICT_TINT: f32 = 0.3;
+/// Opacity of conflict zones, of which several lie one over the other in a junction.
+const CONFLICT_TINT: f32 = 0.2;
 /// Colours of lanes, conflict zones and the route of the selected vehicle, which the legend explains.
 pub const LANE: Color32 = Color32::from_rgb(71, 189, 252);
 pub const MERGE: Color32 = Color32::from_rgb(255, 134, 0);
@@ -66,19 +66,35 @@ fn line(map: &CityMap, lane: LaneId, (from_m, to_m): (f64, f64), left_m: f64) ->
     (0..=count).map(|k| above(at(k).point_at(0.0, left_m))).collect()
 }
 
+/// Tints the stretches of lanes that conflict zones cover. Those of one kind that overlap on a lane are one stretch: a connector has
+/// a dozen, and their edges would hide the road.
 fn conflict_zones(overlay: &mut Overlay, map: &CityMap) {
-    for zone in &map.zones {
-        let colour = match zone.kind {
-            ZoneKind::Cross => CROSSING,
-            ZoneKind::Merge => MERGE,
-            ZoneKind::Diverge => continue,
-        };
-        for side in &zone.sides {
-            area(overlay, map, (side.lane, side.from_m, side.to_m), paint(colour, CONFLICT_TINT));
-            let ends = [side.from_m, side.to_m].map(|at_m| across(map, side.lane, at_m));
-            ends.into_iter().for_each(|ends| overlay.line(ends, 1.5, paint(colour, 0.9)));
+    for (kind, colour) in [(ZoneKind::Merge, MERGE), (ZoneKind::Cross, CROSSING)] {
+        let mut on_lanes: BTreeMap<LaneId, Vec<(f64, f64)>> = BTreeMap::new();
+        for side in map.zones.iter().filter(|zone| zone.kind == kind).flat_map(|zone| &zone.sides) {
+            on_lanes.entry(side.lane).or_default().push((side.from_m, side.to_m));
+        }
+        for (lane, stretches) in on_lanes {
+            for (from_m, to_m) in joined(stretches) {
+                area(overlay, map, (lane, from_m, to_m), paint(colour, CONFLICT_TINT));
+                let ends = [from_m, to_m].map(|at_m| across(map, lane, at_m));
+                ends.into_iter().for_each(|ends| overlay.line(ends, 1.5, paint(colour, 0.9)));
+            }
         }
     }
+}
+
+/// Stretches of a lane in order, with those joined that overlap.
+fn joined(mut stretches: Vec<(f64, f64)>) -> Vec<(f64, f64)> {
+    stretches.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let mut joined: Vec<(f64, f64)> = Vec::new();
+    for (from_m, to_m) in stretches {
+        match joined.last_mut() {
+            Some(last) if from_m <= last.1 => last.1 = last.1.max(to_m),
+            _ => joined.push((from_m, to_m)),
+        }
+    }
+    joined
 }
 
 /// Tints a control zone, with a line at each entry.
@@ -163,4 +179,15 @@ pub fn body_colour(shown: &ViewModel<'_>, id: VehicleId) -> Color32 {
     let lift = |channel: u8| 90 + (u16::from(channel) * 165 / 255) as u8;
     let [r, g, b] = colour.unwrap_or([140, 150, 160]).map(lift);
     Color32::from_rgb(r, g, b)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn stretches_that_overlap_are_one() {
+        let stretches = vec![(4.0, 6.0), (0.0, 2.0), (1.0, 3.0), (3.0, 3.5)];
+        assert_eq!(joined(stretches), [(0.0, 3.5), (4.0, 6.0)]);
+    }
 }
