@@ -420,6 +420,9 @@ impl UiState {
         if self.runs.comparison.is_open() {
             return Some(|state| state.runs.comparison.close());
         }
+        if self.runs.end_card.is_open() {
+            return Some(|state| state.runs.end_card.close());
+        }
         let is_over =
             |entry: &&panels::PanelEntry| (entry.is_open)(self) && self.layout.is_floating(entry.panel);
         panels::ALL.iter().find(is_over).map(|entry| entry.close)

@@ -1,6 +1,7 @@
 //! Recorded runs in the user's folder, for the start page.
 
 use crate::ui::runs::{RunEntry, has_run};
+use city3d_logbook::measures::RunMeasures;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, SystemTime};
 
@@ -17,13 +18,25 @@ pub fn recorded_runs<'a>(folders: impl Iterator<Item = &'a Path>, now: SystemTim
     }
     found.sort_by(|a, b| b.cmp(a));
     found.dedup();
-    let entry = |(written, folder): (SystemTime, PathBuf)| RunEntry {
-        name: name(&folder),
-        age: age(now.duration_since(written).unwrap_or_default()),
-        has_summary: folder.join("summary.json").is_file(),
-        folder,
+    let entry = |(written, folder): (SystemTime, PathBuf)| {
+        let since = now.duration_since(written).unwrap_or_default();
+        let of = RunFolder::of(&folder);
+        RunEntry {
+            name: of.name(seed(&folder)),
+            began: of.began(since),
+            age: age(since),
+            has_summary: folder.join(SUMMARY).is_file(),
+            folder,
+        }
     };
     found.into_iter().take(MOST).map(entry).collect()
+}
+
+const SUMMARY: &str = "summary.json";
+
+/// The seed that the summary of a run states.
+fn seed(folder: &Path) -> Option<u64> {
+    RunMeasures::read(folder).ok().map(|measures| measures.seed)
 }
 
 fn find(folder: &Path, depth: usize, found: &mut Vec<(SystemTime, PathBuf)>) {
@@ -41,18 +54,50 @@ fn find(folder: &Path, depth: usize, found: &mut Vec<(SystemTime, PathBuf)>) {
         .for_each(|path| find(&path, depth - 1, found));
 }
 
-/// Scenario and number of a run, by its folders: `roundabout-20261125-131520/run-2` is "roundabout, run 2".
-fn name(folder: &Path) -> String {
-    let last = |path: &Path| path.file_name().unwrap_or_default().to_string_lossy().into_owned();
-    let own = last(folder);
-    let Some(number) = own.strip_prefix("run-") else { return own };
-    let window = folder.parent().map(last).unwrap_or_default();
-    let is_time = |part: &str| !part.is_empty() && part.bytes().all(|byte| byte.is_ascii_digit());
-    let mut parts: Vec<&str> = window.split('-').collect();
-    while parts.len() > 1 && parts.last().is_some_and(|part| is_time(part)) {
-        parts.pop();
+/// What the folders of a run tell: `roundabout-20261125-131520/run-2` is the second run of a window that began then.
+struct RunFolder {
+    scenario: String,
+    /// `20261125` and `131520`.
+    began: Option<[String; 2]>,
+    number: u32,
+}
+
+impl RunFolder {
+    fn of(folder: &Path) -> Self {
+        let last = |path: &Path| path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+        let own = last(folder);
+        let Some(number) = own.strip_prefix("run-").and_then(|number| number.parse().ok()) else {
+            return Self { scenario: own, began: None, number: 1 };
+        };
+        let window = folder.parent().map(last).unwrap_or_default();
+        let is_number = |part: &&str| !part.is_empty() && part.bytes().all(|byte| byte.is_ascii_digit());
+        let parts: Vec<&str> = window.split('-').collect();
+        let numbers = parts[1..].iter().rev().take_while(|part| is_number(part)).count();
+        let (scenario, time) = parts.split_at(parts.len() - numbers);
+        let began = match time {
+            [date, clock, ..] if date.len() == 8 && clock.len() == 6 => {
+                Some([(*date).to_owned(), (*clock).to_owned()])
+            }
+            _ => None,
+        };
+        Self { scenario: scenario.join("-"), began, number }
     }
-    format!("{}, run {number}", parts.join("-"))
+
+    fn name(&self, seed: Option<u64>) -> String {
+        let seed = seed.map_or_else(String::new, |seed| format!(", seed {seed}"));
+        let number = if self.number > 1 { format!(", run {}", self.number) } else { String::new() };
+        format!("{}{seed}{number}", self.scenario)
+    }
+
+    /// The time of day, and the date of a run that was made before today.
+    fn began(&self, age: Duration) -> String {
+        let Some([date, clock]) = &self.began else { return String::new() };
+        let time = format!("{}:{}", &clock[..2], &clock[2..4]);
+        if age < Duration::from_hours(20) {
+            return time;
+        }
+        format!("{}-{}-{} {time}", &date[..4], &date[4..6], &date[6..])
+    }
 }
 
 /// How long ago, in words.
@@ -71,6 +116,9 @@ fn age(age: Duration) -> String {
 mod tests {
     use super::*;
 
+    const SUMMARY_OF_SEED_7: &str = r#"{"scenario": "merge", "seed": 7, "simulated_s": 40.0, "collisions": 0,
+        "mean_speed_mps": 7.0, "vehicles": {}}"#;
+
     #[test]
     fn runs_are_found_and_named_after_their_scenarios() {
         let root = tempfile::tempdir().unwrap();
@@ -80,11 +128,19 @@ mod tests {
             std::fs::write(folder.join("run.mcap"), "").unwrap();
         }
         std::fs::write(root.path().join("own/summary.json"), "{}").unwrap();
+        let merge = root.path().join("merge-20261125-131520-2/run-1/summary.json");
+        std::fs::write(merge, SUMMARY_OF_SEED_7).unwrap();
         let later = SystemTime::now() + Duration::from_secs(7300);
         let mut runs = recorded_runs([root.path(), root.path()].into_iter(), later);
         runs.sort_by(|a, b| a.name.cmp(&b.name));
         let told: Vec<_> = runs.iter().map(|run| (run.name.as_str(), run.has_summary)).collect();
-        assert_eq!(told, [("merge, run 1", false), ("own", true), ("roundabout, run 2", false)]);
+        assert_eq!(told, [("merge, seed 7", true), ("own", true), ("roundabout, run 2", false)]);
+        assert_eq!(runs.iter().map(|run| run.began.as_str()).collect::<Vec<_>>(), ["13:15", "", "13:15"]);
+        let of = RunFolder::of(Path::new("grid-2x5-20261125-131520/run-1"));
+        assert_eq!(
+            (of.name(None).as_str(), of.began(Duration::from_hours(48)).as_str()),
+            ("grid-2x5", "2026-11-25 13:15")
+        );
         assert!(runs.iter().all(|run| run.age == "2 hours ago"), "{runs:?}");
     }
 

@@ -9,7 +9,7 @@ use city3d_simulation::environment::EnvironmentProfile;
 use city3d_simulation::runner::{Observer, Summary};
 use city3d_simulation::scenario::Overrides;
 use city3d_viewer::ui::runs::{ComparedRuns, FilePurpose, OpenRequest, Problem, ResetQuestion, RunEntry};
-use city3d_viewer::ui::{DecimalSeparator, SpeedUnit, UiAction};
+use city3d_viewer::ui::{DecimalSeparator, PastView, SpeedUnit, UiAction};
 use egui::accesskit::Role;
 use egui::{Key, Modifiers};
 use egui_kittest::Harness;
@@ -161,7 +161,9 @@ fn the_start_page_lists_recent_files_and_recorded_runs() {
     desk.lists.runs = vec![entry("/runs/roundabout-1/run-1", "roundabout, run 1")];
     let mut harness = harness(desk);
     click(&mut harness, "Open");
-    click(&mut harness, "roundabout, run 1   2 hours ago");
+    let row = harness.get_by_label_contains("roundabout, run 1").rect();
+    assert!(harness.query_by_label_contains("13:15").is_some());
+    super::city::click_at(&mut harness, row.center(), 1);
     click(&mut harness, "Open");
     click(&mut harness, ".../me/experiments/mine.toml");
     let expected = [opened("/runs/roundabout-1/run-1"), opened("/home/me/experiments/mine.toml")];
@@ -170,7 +172,13 @@ fn the_start_page_lists_recent_files_and_recorded_runs() {
 
 fn entry(folder: &str, name: &str) -> RunEntry {
     let age = "2 hours ago".to_owned();
-    RunEntry { folder: folder.into(), name: name.to_owned(), age, has_summary: true }
+    RunEntry {
+        folder: folder.into(),
+        name: name.to_owned(),
+        began: "13:15".to_owned(),
+        age,
+        has_summary: true,
+    }
 }
 
 #[derive(Debug)]
@@ -250,6 +258,28 @@ fn a_finished_run_tells_what_came_of_it_and_what_can_be_done() {
 }
 
 #[test]
+fn the_card_gives_way_to_the_past_and_to_a_comparison_and_escape_closes_it() {
+    let mut harness = harness(finished());
+    let has_card = |harness: &Harness<'static, Desk>| harness.query_by_label("Run again").is_some();
+    assert!(has_card(&harness));
+    let head = super::desk::present(12.0);
+    harness.state_mut().past = Some(PastView { head, is_shown: true });
+    harness.run_steps(3);
+    assert!(!has_card(&harness), "who looks at a collision sees it");
+    harness.state_mut().past = None;
+    harness.run_steps(3);
+    assert!(has_card(&harness));
+    click(&mut harness, "Compare with ...");
+    assert!(!has_card(&harness), "one window at a time");
+    press(&mut harness, Key::Escape);
+    assert!(has_card(&harness));
+    harness.state_mut().state.selection.vehicle = Some(VehicleId(1));
+    press(&mut harness, Key::Escape);
+    assert!(!has_card(&harness));
+    assert_eq!(harness.state().state.selection.vehicle, Some(VehicleId(1)), "first what is open is closed");
+}
+
+#[test]
 fn a_run_that_goes_on_has_no_card_and_its_clock_does_not_mislead() {
     let mut desk = finished();
     desk.run_state.phase = RunPhase::Running;
@@ -282,7 +312,7 @@ fn two_runs_are_compared_measure_by_measure() {
     let mut harness = harness(desk);
     click(&mut harness, "Compare with ...");
     assert!(harness.query_by_label_contains("its own run").is_none());
-    click(&mut harness, "straight, run 1   2 hours ago");
+    click(&mut harness, "straight, run 1   13:15   2 hours ago");
     let other = UiAction::CompareWith("/runs/straight-2/run-1".into());
     assert_eq!(harness.state().actions, [other]);
     let present = RunMeasures::of(&outcome());

@@ -155,7 +155,7 @@ fn choices(ui: &mut Ui, shown: &ViewModel<'_>, actions: &mut Vec<UiAction>) -> b
     }
     ScrollArea::vertical().auto_shrink(false).show(ui, |ui| {
         for run in runs {
-            let text = format!("{}   {}", run.name, run.age);
+            let text = format!("{}   {}   {}", run.name, run.began, run.age);
             let row = ui.selectable_label(false, text).on_hover_text(run.folder.display().to_string());
             if row.clicked() {
                 actions.push(UiAction::CompareWith(run.folder.clone()));

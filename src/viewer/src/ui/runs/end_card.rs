@@ -14,8 +14,22 @@ use egui::{Grid, RichText, TextEdit, Ui};
 pub struct EndCard {
     /// The run whose card was closed.
     closed: Option<u32>,
+    /// The run whose card is shown.
+    shown: Option<u32>,
     /// The seed of the next run as it is typed, and the run after which it is.
     seed: (String, Option<u32>),
+}
+
+impl EndCard {
+    /// Whether it is shown.
+    pub fn is_open(&self) -> bool {
+        self.shown.is_some()
+    }
+
+    /// Closes it, until another run is finished.
+    pub fn close(&mut self) {
+        self.closed = self.shown.take().or(self.closed);
+    }
 }
 
 /// Shows the card once the scenario's duration is over.
@@ -23,11 +37,15 @@ pub(super) fn window(ui: &Ui, state: &mut UiState, shown: &ViewModel<'_>, action
     let run_state = shown.run_state;
     let is_finished =
         run_state.phase == RunPhase::Over && shown.city == CityKind::Local && shown.replay.is_none();
-    let Some(outcome) = run_state.outcome.as_ref().filter(|_| is_finished) else { return };
+    // Who looks back at a collision, or compares, has the view for it; the card comes back with the present.
+    let gives_way = shown.past.is_shown || state.runs.comparison.is_open();
     let card = &mut state.runs.end_card;
+    card.shown = None;
+    let Some(outcome) = run_state.outcome.as_ref().filter(|_| is_finished && !gives_way) else { return };
     if card.closed == Some(run_state.run) {
         return;
     }
+    card.shown = Some(run_state.run);
     if card.seed.1 != Some(run_state.run) {
         card.seed = (outcome.seed.wrapping_add(1).to_string(), Some(run_state.run));
     }
@@ -76,7 +94,7 @@ pub(super) fn window(ui: &Ui, state: &mut UiState, shown: &ViewModel<'_>, action
         }
     });
     if !is_open {
-        card.closed = Some(run_state.run);
+        card.close();
     }
     if compares {
         state.runs.comparison.choose();

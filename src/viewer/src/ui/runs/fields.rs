@@ -1,6 +1,6 @@
 //! Fields of what replaces values of a scenario: seed, environment, dynamics model, duration, time of day.
 
-use super::super::bar::{TIMES, time_label};
+use super::super::bar::{TIMES, time_label, together};
 use super::super::theme::typed;
 use city3d_protocol::snapshot::ModelKind;
 use city3d_simulation::environment::EnvironmentProfile;
@@ -78,33 +78,37 @@ impl OpenFields {
     }
 }
 
-fn field(ui: &mut Ui, name: &str, text: &mut String, tip: &str) {
-    let label = ui.label(name);
-    let field = TextEdit::singleline(text).hint_text("scenario's").desired_width(76.0);
-    ui.add(field).labelled_by(label.id).on_hover_text(format!("{tip}; empty: as in the scenario"));
+fn field(ui: &mut Ui, name: &'static str, text: &mut String, tip: &str) {
+    together(ui, name, false, |ui| {
+        let label = ui.label(name);
+        let field = TextEdit::singleline(text).hint_text("scenario's").desired_width(76.0);
+        ui.add(field).labelled_by(label.id).on_hover_text(format!("{tip}; empty: as in the scenario"));
+    });
 }
 
 fn choice<T: Copy + PartialEq>(
     ui: &mut Ui,
-    name: &str,
+    name: &'static str,
     chosen: &mut Option<T>,
     all: &[(T, String)],
     tip: &str,
 ) {
     const USUAL: &str = "scenario's";
-    ui.label(name);
-    let present = all.iter().find(|(value, _)| Some(*value) == *chosen).map_or(USUAL, |(_, label)| label);
-    ComboBox::from_id_salt(name)
-        .selected_text(present)
-        .width(72.0)
-        .show_ui(ui, |ui| {
-            ui.selectable_value(chosen, None, USUAL);
-            for (value, label) in all {
-                ui.selectable_value(chosen, Some(*value), label);
-            }
-        })
-        .response
-        .on_hover_text(tip);
+    together(ui, name, false, |ui| {
+        ui.label(name);
+        let present = all.iter().find(|(value, _)| Some(*value) == *chosen).map_or(USUAL, |(_, label)| label);
+        ComboBox::from_id_salt(name)
+            .selected_text(present)
+            .width(72.0)
+            .show_ui(ui, |ui| {
+                ui.selectable_value(chosen, None, USUAL);
+                for (value, label) in all {
+                    ui.selectable_value(chosen, Some(*value), label);
+                }
+            })
+            .response
+            .on_hover_text(tip);
+    });
 }
 
 #[cfg(test)]

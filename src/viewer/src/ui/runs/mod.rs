@@ -41,8 +41,10 @@ pub struct OpenRequest {
 pub struct RunEntry {
     /// Its folder.
     pub folder: PathBuf,
-    /// Scenario and number of the run.
+    /// Scenario and seed of the run, and its number where its window has made several.
     pub name: String,
+    /// When it began, such as "13:15"; on another day with the date. Empty if its folder does not tell.
+    pub began: String,
     /// When it was written, such as "3 minutes ago".
     pub age: String,
     /// It has ended, and so has a summary.

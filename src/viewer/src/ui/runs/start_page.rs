@@ -110,8 +110,10 @@ fn lists(ui: &mut Ui, shown: &ViewModel<'_>) -> Option<PathBuf> {
     if lists.runs.is_empty() {
         ui.label(RichText::new("None yet: every run of this window is recorded").weak());
     }
-    for RunEntry { folder, name, age, .. } in &lists.runs {
-        if row(ui, &format!("{name}   {age}")).on_hover_text(folder.display().to_string()).clicked() {
+    for RunEntry { folder, name, began, age, .. } in &lists.runs {
+        let began = if began.is_empty() { age } else { began };
+        let run = ui.add(egui::Button::selectable(false, name).truncate().shortcut_text(began));
+        if run.on_hover_text(format!("{age}\n{}", folder.display())).clicked() {
             clicked = Some(folder.clone());
         }
     }

@@ -100,7 +100,7 @@ fn a_finished_run_is_replayed_from_its_whole_log_and_run_again_with_another_seed
     assert!(viewer.run_state().has_ended && !viewer.has_ended(), "the window stays");
     enter_log(&mut viewer, &log);
     assert_eq!(viewer.player().unwrap().info().truncation, None);
-    assert!(viewer.title().starts_with("run.mcap"));
+    assert!(viewer.title().starts_with("Replay of "));
     pass(&mut viewer);
     let again = opening(viewer.act(vec![UiAction::RunAgain(Some(9))], 0.0));
     let OpenTarget::Scenario(again_request) = &again.target else { panic!("{again:?}") };

@@ -10,6 +10,9 @@ const LONGEST_VALUE: usize = 24;
 impl ViewerState {
     /// Title of the window: the scenario with what replaces values of it, or the log, and the program.
     pub fn title(&self) -> String {
+        if self.player().is_some() {
+            return format!("Replay of {} - City3D", self.experiment().name);
+        }
         let path = Path::new(&self.request.scenario);
         let name = path.file_name().unwrap_or(path.as_os_str());
         let set = replaced(&self.request);
