@@ -1,12 +1,12 @@
 //! Times the control step on grid maps with inflows: coordinated vehicles beside those that yield, and ten times as many
-//! on ten times as many junctions. Every row is the same simulated interval of the same demand, and ends with its digest.
+//! on ten times as many junctions, in one city and in ten. Every row is the same simulated interval of the same demand, and ends with its digest.
 #![allow(clippy::disallowed_types, reason = "measures time")]
 #![allow(clippy::unwrap_used, reason = "a bench may end where it finds something wrong")]
 
 use city3d_control::Mainframe;
 use city3d_dynamics::vehicle::ModelKind;
 use city3d_protocol::snapshot::{SimCommand, Status};
-use city3d_protocol::wire::Measurement;
+use city3d_protocol::wire::{Measurement, Message};
 use city3d_roadmap::{Grid, GridArm, LabMap, load_map};
 use city3d_simulation::demand::Demand;
 use city3d_simulation::scenario::{Experiment, Library, Overrides, read_experiment};
@@ -20,22 +20,26 @@ use std::time::{Duration, Instant};
 const WARM_UP_S: f64 = 150.0;
 const MEASURED_S: f64 = 60.0;
 /// Each run is made so often; of each step its least time counts, without what else the machine did meanwhile.
-const REPEATS: usize = 3;
+const REPEATS: usize = 5;
 
-/// A grid map as `city3d generate map --grid` draws it, with as many vehicles an hour from each of its arms to all others
+/// Grid maps as `city3d generate map --grid` draws them, with as many vehicles an hour from each of the arms to all others
 /// within a distance.
 struct Demanded {
     grid: &'static str,
+    /// So many cities without one another, stepped in turn: their state fills the caches as that of one large city does.
+    cities: usize,
     rate_veh_h: f64,
     within_m: f64,
 }
 
-/// About 50 vehicles on 10 junctions; six times as many on six times as many junctions, with the same traffic at each; and
-/// 430 on 100 junctions, where the ways of all meet in the middle.
-const DEMANDED: [Demanded; 3] = [
-    Demanded { grid: "2x5", rate_veh_h: 125.0, within_m: f64::INFINITY },
-    Demanded { grid: "2x30", rate_veh_h: 150.0, within_m: 20.0 },
-    Demanded { grid: "10x10", rate_veh_h: 250.0, within_m: f64::INFINITY },
+/// About 50 vehicles on 10 junctions; ten such cities; 260 and 480 vehicles on 60 and 120 junctions with about the same traffic at each;
+/// and 430 on 100 junctions, where the ways of all meet in the middle.
+const DEMANDED: [Demanded; 5] = [
+    Demanded { grid: "2x5", cities: 1, rate_veh_h: 125.0, within_m: f64::INFINITY },
+    Demanded { grid: "2x5", cities: 10, rate_veh_h: 125.0, within_m: f64::INFINITY },
+    Demanded { grid: "2x30", cities: 1, rate_veh_h: 150.0, within_m: 20.0 },
+    Demanded { grid: "4x30", cities: 1, rate_veh_h: 250.0, within_m: 24.0 },
+    Demanded { grid: "10x10", cities: 1, rate_veh_h: 250.0, within_m: f64::INFINITY },
 ];
 
 fn distance_m(map: &LabMap, from: &GridArm, to: &GridArm) -> f64 {
@@ -82,7 +86,7 @@ struct Spent {
 impl Spent {
     /// The lesser time of each step of the same run, made twice.
     fn least(mut self, other: Self) -> Self {
-        assert_eq!(self.digest, other.digest);
+        assert_eq!((self.pairs, self.asked), (other.pairs, other.asked));
         self.steps.iter_mut().zip(other.steps).for_each(|(time, again)| *time = again.min(*time));
         self
     }
@@ -98,50 +102,91 @@ impl Spent {
     }
 }
 
-/// Runs world and control framework in lockstep without errors between them, and times [`Mainframe::step`] alone.
-fn measure(experiment: &Arc<Experiment>) -> Spent {
+/// What control saw in a run, by control step, and the digest of that run's end.
+struct Seen {
+    steps: Vec<(f64, Vec<Measurement>)>,
+    digest: u64,
+}
+
+/// Runs world and control framework in lockstep, without errors between them.
+fn record(experiment: &Arc<Experiment>) -> Seen {
     let (scale, ticks_per_control) = (experiment.scale, experiment.rates.ticks_per_control());
     let mut world = World::new(Arc::clone(experiment));
     let mut snapshot = world.snapshot();
-    let map = Arc::clone(&experiment.lab_map);
-    let mut mainframe = Mainframe::new(map, experiment.cav_setups(), experiment.rules()).unwrap();
-    let mut demand = Demand::new(experiment).unwrap();
-    let (mut commands, mut seen, mut messages) = (vec![SimCommand::Start], Vec::new(), Vec::new());
-    let (mut steps, mut vehicles) = (Vec::new(), 0);
-    let mut before = None;
+    let mut control = Control::new(experiment);
+    let (mut commands, mut steps) = (vec![SimCommand::Start], Vec::new());
     while world.time_s() < experiment.duration_s {
         let time_s = world.time_s();
-        demand.begin_step();
+        control.demand.begin_step();
         if world.tick().is_multiple_of(ticks_per_control) {
-            seen.clear();
             let visible = snapshot.vehicles.iter().filter(|state| state.status != Status::Unseen);
-            seen.extend(visible.map(|state| Measurement::of(state, time_s, scale)));
-            demand.step(time_s, &seen, &mut mainframe, &mut messages);
-            if time_s >= WARM_UP_S {
-                before.get_or_insert_with(|| work_of(&mainframe));
-            }
-            let begun = Instant::now();
-            mainframe.step(time_s, &seen, &mut messages);
-            let took = begun.elapsed();
-            if time_s >= WARM_UP_S {
-                steps.push(took);
-                vehicles += seen.len();
-            }
+            let seen: Vec<_> = visible.map(|state| Measurement::of(state, time_s, scale)).collect();
+            control.step(time_s, &seen);
+            steps.push((time_s, seen));
         }
-        commands.extend(messages.drain(..).map(|message| message.into_command(scale)));
-        let entering = demand.entering().iter().map(|vehicle| vehicle.setup(&experiment.city_map, scale));
+        commands.extend(control.messages.drain(..).map(|message| message.into_command(scale)));
+        let entering =
+            control.demand.entering().iter().map(|vehicle| vehicle.setup(&experiment.city_map, scale));
         commands.extend(entering.map(|setup| SimCommand::Spawn(Box::new(setup))));
         commands.sort_by_key(SimCommand::order);
         world.tick_into(&commands, &mut snapshot);
         commands.clear();
     }
-    let ([pairs, asked], [pairs_before, asked_before]) = (work_of(&mainframe), before.unwrap_or_default());
+    Seen { steps, digest: snapshot.state_hash }
+}
+
+/// The control framework with its demand, as `city3d mainframe` runs them.
+struct Control {
+    mainframe: Mainframe,
+    demand: Demand,
+    messages: Vec<Message>,
+}
+
+impl Control {
+    fn new(experiment: &Experiment) -> Self {
+        let map = Arc::clone(&experiment.lab_map);
+        let mainframe = Mainframe::new(map, experiment.cav_setups(), experiment.rules()).unwrap();
+        Self { mainframe, demand: Demand::new(experiment).unwrap(), messages: Vec::new() }
+    }
+
+    /// A control step; returns what [`Mainframe::step`] alone took.
+    fn step(&mut self, time_s: f64, seen: &[Measurement]) -> Duration {
+        self.demand.step(time_s, seen, &mut self.mainframe, &mut self.messages);
+        let begun = Instant::now();
+        self.mainframe.step(time_s, seen, &mut self.messages);
+        begun.elapsed()
+    }
+}
+
+/// Gives control the same measurements again, as in a process of its own, and times it; with several cities that of all together.
+fn measure(experiment: &Experiment, cities: usize, seen: &Seen) -> Spent {
+    let ticks_per_control = experiment.rates.ticks_per_control();
+    let mut controls: Vec<_> = (0..cities).map(|_| Control::new(experiment)).collect();
+    let (mut steps, mut vehicles, mut before) = (Vec::new(), 0, None);
+    for (time_s, seen) in &seen.steps {
+        if *time_s >= WARM_UP_S {
+            before.get_or_insert_with(|| work_of(&controls[0].mainframe));
+        }
+        let mut took = Duration::ZERO;
+        for control in &mut controls {
+            (0..ticks_per_control).for_each(|_| control.demand.begin_step());
+            took += control.step(*time_s, seen);
+            control.messages.clear();
+        }
+        if *time_s >= WARM_UP_S {
+            steps.push(took);
+            vehicles += seen.len();
+        }
+    }
+    let ([pairs, asked], [pairs_before, asked_before]) =
+        (work_of(&controls[0].mainframe), before.unwrap_or_default());
+    let mean_vehicles = vehicles as f64 / steps.len() as f64;
     Spent {
-        mean_vehicles: vehicles as f64 / steps.len() as f64,
+        mean_vehicles: mean_vehicles * cities as f64,
         pairs: (pairs - pairs_before) as f64 / vehicles as f64,
-        asked: (asked - asked_before) as f64 / (vehicles as f64 / steps.len() as f64) / MEASURED_S,
+        asked: (asked - asked_before) as f64 / mean_vehicles / MEASURED_S,
         steps,
-        digest: snapshot.state_hash,
+        digest: seen.digest,
     }
 }
 
@@ -153,24 +198,28 @@ fn work_of(mainframe: &Mainframe) -> [u64; 2] {
 }
 
 fn main() {
-    // `cargo bench` passes options of its own; every other argument names an algorithm.
-    let chosen: Vec<String> =
-        std::env::args().skip(1).filter(|argument| !argument.starts_with('-')).collect();
-    let algorithms = ["none", "fifo", "insert", "priority", "replan"];
+    // `cargo bench` passes options of its own; every other argument names an algorithm or a grid.
+    let (algorithms, grids) = (["none", "fifo", "insert", "priority", "replan"], DEMANDED.map(|of| of.grid));
+    let chosen: Vec<String> = std::env::args().skip(1).collect();
+    let is_chosen = |name: &str, all: &[&str]| {
+        chosen.iter().any(|word| word == name) || !chosen.iter().any(|word| all.contains(&word.as_str()))
+    };
     println!(
         "| algorithm | grid | vehicles | mean step | for a vehicle | median | 99 % | pairs | plans asked for | digest |"
     );
     println!("|---|---|---|---|---|---|---|---|---|---|");
-    for demanded in &DEMANDED {
-        for algorithm in algorithms {
-            if !chosen.is_empty() && !chosen.iter().any(|name| name == algorithm) {
-                continue;
-            }
+    for demanded in DEMANDED.iter().filter(|demanded| is_chosen(demanded.grid, &grids)) {
+        for algorithm in algorithms.into_iter().filter(|algorithm| is_chosen(algorithm, &algorithms)) {
             let experiment = experiment(demanded, algorithm);
-            let spent = (0..REPEATS).map(|_| measure(&experiment)).reduce(Spent::least).unwrap();
+            let seen = record(&experiment);
+            let spent = (0..REPEATS)
+                .map(|_| measure(&experiment, demanded.cities, &seen))
+                .reduce(Spent::least)
+                .unwrap();
             let micros = |time: Duration| time.as_secs_f64() * 1e6;
             println!(
-                "| `{algorithm}` | {} | {:.1} | {:.0} us | {:.2} us | {:.0} us | {:.0} us | {:.2} | {:.2} | {:016x} |",
+                "| `{algorithm}` | {}{} | {:.1} | {:.0} us | {:.2} us | {:.0} us | {:.0} us | {:.2} | {:.2} | {:016x} |",
+                if demanded.cities > 1 { format!("{} times ", demanded.cities) } else { String::new() },
                 demanded.grid,
                 spent.mean_vehicles,
                 micros(spent.mean()),

@@ -94,8 +94,13 @@ fn cell(ui: &mut Ui, width: f32, content: impl FnOnce(&mut Ui)) {
     });
 }
 
-/// Controls that stay together: where they do not fit, they begin a row, without a line before them.
+/// Controls that stay together, with a line before them: where they do not fit, they begin a row, without the line.
 fn group(ui: &mut Ui, name: &'static str, add: impl FnOnce(&mut Ui)) {
+    together(ui, name, true, add);
+}
+
+/// Controls that stay together: where they do not fit, they begin a row.
+pub(super) fn together(ui: &mut Ui, name: &'static str, has_line: bool, add: impl FnOnce(&mut Ui)) {
     /// Width of the line between two groups, with its spacing, points.
     const LINE: f32 = 13.0;
     let id = ui.scope_id().with(name);
@@ -103,7 +108,7 @@ fn group(ui: &mut Ui, name: &'static str, add: impl FnOnce(&mut Ui)) {
     if ui.cursor().left() > ui.max_rect().left() + 1.0 {
         if width + LINE > ui.available_size_before_wrap().x {
             ui.end_row();
-        } else {
+        } else if has_line {
             ui.separator();
         }
     }
@@ -116,8 +121,8 @@ const BUTTON: f32 = 84.0;
 const PACE: f32 = 54.0;
 /// Width of the duration beside the clock.
 const DURATION: f32 = 50.0;
-/// Width of the list of scenarios: a longer name is cut, and stands in the tip.
-const SCENARIO: f32 = 80.0;
+/// Width of the list of scenarios, so that its neighbours do not move: a longer name is cut, and stands in the tip.
+const SCENARIO: f32 = 122.0;
 
 fn run_controls(ui: &mut Ui, shown: &ViewModel<'_>, actions: &mut Vec<UiAction>) {
     if shown.edit.is_some() {
@@ -311,7 +316,7 @@ fn scenario(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>, actions: &m
     let about = present.map(|choice| choice.description.as_str()).filter(|about| !about.is_empty());
     let tip = about.map_or_else(String::new, |about| format!("{about}.\n"));
     let tip = format!("{tip}The scenario {}; another one starts from its beginning", shown.scenario);
-    picker.show_ui(ui, choices).response.on_hover_text(tip);
+    cell(ui, SCENARIO, |ui| _ = picker.show_ui(ui, choices).response.on_hover_text(tip));
 }
 
 fn cameras(ui: &mut Ui, state: &mut UiState) {
@@ -339,6 +344,7 @@ fn panels(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>, actions: &mut
     }
     let menu = ui.menu_button("Panels", |ui| {
         let mut entries = commands::PANEL_MENU.to_vec();
+        entries.extend(commands::VIEW_MENU);
         if shown.replay.is_none() {
             entries.push(&commands::CONTROLLERS);
             entries.push(&commands::EDIT);

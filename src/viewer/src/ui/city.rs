@@ -297,7 +297,9 @@ fn notice(ui: &Ui, rect: Rect, state: &mut UiState) {
         let painter = ui.ctx().layer_painter(layer).with_clip_rect(rect);
         let galley =
             painter.layout(text.clone(), FontId::proportional(14.0), Color32::WHITE, rect.width() - 40.0);
-        let place = Align2::CENTER_TOP.anchor_size(rect.center_top() + egui::vec2(0.0, 14.0), galley.size());
+        // Above the sign of the past: titles and buttons of windows are at the top.
+        let place =
+            Align2::CENTER_BOTTOM.anchor_size(rect.center_bottom() - egui::vec2(0.0, 62.0), galley.size());
         painter.rect_filled(place.expand(8.0), 5.0, theme::ON_PICTURE);
         painter.galley(place.min, galley, Color32::WHITE);
         let left = (until_s - now_s).max(0.0);

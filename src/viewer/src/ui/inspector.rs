@@ -3,18 +3,32 @@
 
 use super::commands::{PREVIEW, TAKE_CONTROL, key_map};
 use super::theme::{self, DecimalSeparator, SpeedUnit};
-use super::{UiAction, UiState, ViewModel, plans, status};
-use city3d_geometry::LengthScale;
+use super::{CityKind, UiAction, UiState, ViewModel, plans, status};
 use city3d_protocol::snapshot::{
     ControlDecision, DecisionReason, EventKind, Status, VehicleId, VehicleInfo, VehicleState,
 };
 use city3d_session::ControlInsight;
 use city3d_session::playback::Occurrence;
 use city3d_simulation::measures::{LeaderAhead, TrafficPlace};
-use egui::{Color32, Grid, RichText, Ui};
+use egui::{Color32, Grid, Label, RichText, Ui};
 
-/// What is written where a source does not tell something.
-pub const NOT_TOLD: &str = "not told by this source";
+/// What is written where something is not told: in the past and in logs because nobody has recorded it, of other cities because
+/// they do not send it.
+pub fn not_told(shown: &ViewModel<'_>) -> &'static str {
+    if shown.edit.is_some() {
+        "known once it runs"
+    } else if shown.replay.is_some() || shown.past.is_shown {
+        "not recorded"
+    } else if shown.city == CityKind::Local {
+        "not known"
+    } else {
+        "not sent by this city"
+    }
+}
+/// In place of an error of tracking.
+const OFF_ROUTE: &str = "no path, off its route";
+/// Width of the names, points.
+const NAMES: f32 = 120.0;
 /// Lanes of the route that are listed.
 const LISTED_LANES: usize = 4;
 
@@ -45,17 +59,19 @@ fn inspected(
 ) {
     heading(ui, shown, (vehicle, info));
     let mut link = None;
-    Grid::new("inspector").num_columns(2).spacing([10.0, 4.0]).striped(true).show(ui, |ui| {
+    // Values wrap; the names are short.
+    let widest = (ui.available_width() - NAMES).max(NAMES);
+    Grid::new("inspector").max_col_width(widest).num_columns(2).spacing([10.0, 4.0]).striped(true).show(ui, |ui| {
         why(ui, shown, (vehicle, decision), &mut link);
         if let Some(plan) = plans::inspected(shown, vehicle.id, state.preferences.decimal) {
             let tip = "Its control zone, when its front bumper enters the first conflict there, and how many enter before it";
             row(ui, "Plan", &plan, tip);
         }
-        motion(ui, (state.preferences.units, shown.scale()), vehicle, decision);
+        motion(ui, shown, (state.preferences.units, vehicle), decision);
         traffic(ui, shown, place, &mut link);
         trajectory(ui, shown, vehicle, decision);
         let delay_s = insight.and_then(|insight| insight.command_delays_s.get(&vehicle.id));
-        let delay = delay_s.map_or_else(|| NOT_TOLD.to_owned(), |s| format!("{:.0} ms", s * 1000.0));
+        let delay = delay_s.map_or_else(|| not_told(shown).to_owned(), |s| format!("{:.0} ms", s * 1000.0));
         row(ui, "Command delay", &delay, "From the control step to the arrival of its last trajectory");
         sensors(ui, shown, vehicle.id);
         rest(ui, shown, vehicle.id, place);
@@ -95,7 +111,7 @@ fn heading(ui: &mut Ui, shown: &ViewModel<'_>, (vehicle, info): (&VehicleState, 
 
 fn row(ui: &mut Ui, name: &str, text: &str, tip: &str) {
     ui.label(RichText::new(name).weak()).on_hover_text(tip);
-    ui.label(text).on_hover_text(tip);
+    ui.add(Label::new(text).wrap()).on_hover_text(tip);
     ui.end_row();
 }
 
@@ -133,7 +149,7 @@ fn why(
         Status::Manual => return row(ui, "Why", "driven by hand", "A person drives it"),
         _ => {}
     }
-    let Some(decision) = decision else { return row(ui, "Why", NOT_TOLD, tip) };
+    let Some(decision) = decision else { return row(ui, "Why", not_told(shown), tip) };
     let text = reason_words(shown, decision);
     match decision.other {
         Some(other) => row_with_vehicle(ui, ("Why", &text, tip), other, link),
@@ -207,13 +223,13 @@ pub fn reason_words(shown: &ViewModel<'_>, decision: &ControlDecision) -> String
 
 fn motion(
     ui: &mut Ui,
-    (units, scale): (SpeedUnit, LengthScale),
-    vehicle: &VehicleState,
+    shown: &ViewModel<'_>,
+    (units, vehicle): (SpeedUnit, &VehicleState),
     decision: Option<&ControlDecision>,
 ) {
-    let decimal = theme::decimal(ui.ctx());
+    let (decimal, scale) = (theme::decimal(ui.ctx()), shown.scale());
     let speed = |speed_mps: f64| format!("{} {}", units.number(speed_mps, scale, decimal), units.label());
-    let target = decision.map_or_else(|| NOT_TOLD.to_owned(), |decision| speed(decision.target_mps));
+    let target = decision.map_or_else(|| not_told(shown).to_owned(), |decision| speed(decision.target_mps));
     let speeds = format!("{}, target {target}", speed(vehicle.speed_mps));
     row(ui, "Speed", &speeds, "Along its heading, and what road and driver allow here");
     let planned = decision.map_or_else(String::new, |decision| {
@@ -260,25 +276,35 @@ fn trajectory(
     decision: Option<&ControlDecision>,
 ) {
     let decimal = theme::decimal(ui.ctx());
+    let centimetres = |error_m: f64| format!("{} cm", decimal.signed(error_m * 100.0, 1));
+    // Off its route its path is straight ahead, to a stop: no error of tracking.
+    let is_off_route = is_off_route(decision);
     let lateral = match vehicle.tracked_lateral_error_m() {
-        _ if !shown.has_control_data => NOT_TOLD.to_owned(),
+        _ if !shown.has_control_data => not_told(shown).to_owned(),
         None => "no path, a person drives".to_owned(),
-        Some(error_m) => format!("{} cm", decimal.signed(error_m * 100.0, 1)),
+        Some(_) if is_off_route => OFF_ROUTE.to_owned(),
+        Some(error_m) => centimetres(error_m),
     };
     row(ui, "Lateral error", &lateral, "Front axle from the desired path, left-positive");
-    let ahead = decision.map_or_else(
-        || NOT_TOLD.to_owned(),
-        |decision| format!("{} cm", decimal.signed(decision.longitudinal_error_m * 100.0, 1)),
-    );
+    let ahead = match decision {
+        None => not_told(shown).to_owned(),
+        Some(_) if is_off_route => OFF_ROUTE.to_owned(),
+        Some(decision) => centimetres(decision.longitudinal_error_m),
+    };
     row(ui, "Longitudinal error", &ahead, "How far its plan is ahead of its estimated place");
     let noise = decision.and_then(|decision| decision.measured).map_or_else(
-        || NOT_TOLD.to_owned(),
+        || not_told(shown).to_owned(),
         |measured| {
             let off_m = measured.position.distance(vehicle.position.truncate());
             format!("{} cm from the true pose", decimal.fixed(off_m * 100.0, 1))
         },
     );
     row(ui, "Measured pose", &noise, "Its last measurement, which lags and has noise");
+}
+
+/// Whether a vehicle is on no lane of its route, as after a person has driven it.
+pub(super) fn is_off_route(decision: Option<&ControlDecision>) -> bool {
+    decision.is_some_and(|decision| decision.reason == DecisionReason::OffRoute)
 }
 
 fn sensors(ui: &mut Ui, shown: &ViewModel<'_>, id: VehicleId) {
@@ -293,7 +319,7 @@ fn rest(ui: &mut Ui, shown: &ViewModel<'_>, id: VehicleId, place: Option<&Traffi
     let route = shown.routes.get(&id).map_or(&[][..], Vec::as_slice);
     let here = place.and_then(|place| route.iter().position(|lane| *lane == place.axle.lane));
     let text = match here {
-        _ if route.is_empty() => NOT_TOLD.to_owned(),
+        _ if route.is_empty() => not_told(shown).to_owned(),
         None => "it is not on its planned route".to_owned(),
         Some(index) => {
             let ahead = &route[index + 1..];
@@ -306,6 +332,6 @@ fn rest(ui: &mut Ui, shown: &ViewModel<'_>, id: VehicleId, place: Option<&Traffi
         }
     };
     ui.label(RichText::new("Route").weak());
-    ui.add(egui::Label::new(text).truncate()).on_hover_text("Its planned lanes, by the scenario");
+    ui.add(Label::new(text).truncate()).on_hover_text("Its planned lanes, by the scenario");
     ui.end_row();
 }

@@ -144,7 +144,7 @@ pub(super) static ALL: [PanelEntry; 12] = [
     PanelEntry {
         panel: Panel::Inspector,
         title: "Inspector",
-        home: Home::Floating,
+        home: Home::BelowVehicles,
         size: [330.0, 350.0],
         is_open: |state| state.open.inspector,
         close: |state| state.open.inspector = false,

@@ -173,7 +173,7 @@ pub(super) fn inspected(shown: &ViewModel<'_>, id: VehicleId, decimal: DecimalSe
         return None;
     }
     let Some(coordination) = &shown.run_state.coordination else {
-        return Some(super::inspector::NOT_TOLD.to_owned());
+        return Some(super::inspector::not_told(shown).to_owned());
     };
     let Some(vehicle) = coordination.vehicle(id) else {
         return Some("in no control zone".to_owned());
@@ -247,7 +247,8 @@ pub(super) fn queue(ui: &mut Ui, shown: &ViewModel<'_>) {
         }
     });
     let Some(coordination) = coordination else {
-        let text = "Plans are not told by this source: its control framework coordinates nobody, or does not tell them.";
+        let text =
+            "No plans are known: the control framework coordinates nobody, or does not tell its plans.";
         ui.label(RichText::new(text).small().weak());
         return;
     };

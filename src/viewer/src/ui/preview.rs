@@ -1,7 +1,9 @@
 //! The preview panels: camera picture, pedals and running plots of one vehicle.
 
 use super::theme::SpeedUnit;
-use super::{PictureRequest, PictureSlot, UiAction, UiState, ViewModel, commands, plans, status, theme};
+use super::{
+    PictureRequest, PictureSlot, UiAction, UiState, ViewModel, commands, inspector, plans, status, theme,
+};
 use city3d_geometry::{LengthScale, trig};
 use city3d_protocol::snapshot::{FrameSnapshot, Status, VehicleId, VehicleState};
 use city3d_sensors::{Camera, Lens, Mount, MountPoint, PictureKind, View};
@@ -385,32 +387,37 @@ fn plots(
     let (history, now_s, scale) = (shown.history, shown.run_state.now.time_s, shown.scale());
     // The last point is the present value: samples are some ticks apart.
     let past = history.between(now_s - KEPT_S, now_s);
-    let series = |of: &dyn Fn(&VehicleState) -> f64, now: f64| -> Vec<[f64; 2]> {
+    let series = |of: &dyn Fn(&VehicleState) -> Option<f64>| -> Vec<[f64; 2]> {
         let earlier = past.iter().filter(|state| state.time_s() < now_s);
-        let samples = earlier.filter_map(|state| Some((state.time_s(), state.vehicle(vehicle.id)?)));
-        samples.map(|(time_s, state)| [time_s - now_s, of(&state)]).chain([[0.0, now]]).collect()
+        let samples = earlier.filter_map(|state| Some((state.time_s(), of(&state.vehicle(vehicle.id)?)?)));
+        let samples = samples.map(|(time_s, value)| [time_s - now_s, value]);
+        samples.chain(of(vehicle).map(|now| [0.0, now])).collect()
     };
     let height = if layout.is_compact { 52.0 } else { 72.0 };
     let blue = theme::on_panel(ui.ctx(), Status::Manual);
     let speeds = |ui: &mut Ui| {
         let of = |speed_mps: f64| units.of(speed_mps, scale);
-        let speeds = series(&|sample| of(sample.speed_mps), of(vehicle.speed_mps));
+        let speeds = series(&|sample| Some(of(sample.speed_mps)));
         let name = format!("Speed, {}", units.label());
         plot(ui, (name.as_str(), height), speeds, (0.0, of(50.0 / 3.6)), blue);
     };
     let orange = theme::on_panel(ui.ctx(), Status::Stopped);
     let errors = |ui: &mut Ui| {
         let is_manual = vehicle.tracked_lateral_error_m().is_none();
-        if is_manual || !shown.has_control_data {
+        let insight = shown.run_state.insight.as_deref();
+        let is_off_route = inspector::is_off_route(insight.and_then(|insight| insight.decision(vehicle.id)));
+        if is_manual || is_off_route || !shown.has_control_data {
             let tip = if is_manual {
                 "A person drives: there is no path to follow"
+            } else if is_off_route {
+                "It is off its route: there is no path to follow"
             } else {
                 "Only poses are known: the log does not have its desired path"
             };
             ui.label(RichText::new("Lateral error, cm: -").small()).on_hover_text(tip);
             return;
         }
-        let errors = series(&|sample| sample.lateral_error_m * 100.0, vehicle.lateral_error_m * 100.0);
+        let errors = series(&|sample| Some(sample.tracked_lateral_error_m()? * 100.0));
         plot(ui, ("Lateral error, cm", height), errors, (-10.0, 10.0), orange);
     };
     if layout.is_compact {

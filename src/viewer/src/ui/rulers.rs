@@ -10,6 +10,8 @@ use glam::{DVec2, DVec3};
 const LONGEST: f64 = 120.0;
 /// From the corner of the view, points.
 const MARGIN: f32 = 14.0;
+/// Height of the sign that the past is shown.
+const PAST_SIGN: f32 = 40.0;
 const COLOUR: Color32 = Color32::from_gray(235);
 const GROUND: Color32 = Color32::from_black_alpha(150);
 
@@ -26,7 +28,9 @@ pub fn paint(canvas: &Canvas<'_>, state: &UiState, shown: &ViewModel<'_>, pointe
     north(canvas, corner - Vec2::new(16.0, 46.0));
     if let Some(ground) = pointed.and_then(|at| canvas.ground_at(at)) {
         let text = place_words(shown, ground, theme::decimal(canvas.painter().ctx()));
-        let left = rect.left_bottom() + Vec2::new(MARGIN, -MARGIN);
+        // The sign of the past is in the middle of the lowest row.
+        let row = if shown.past.is_shown { PAST_SIGN } else { 0.0 };
+        let left = rect.left_bottom() + Vec2::new(MARGIN, -MARGIN - row);
         label(canvas, (left, Align2::LEFT_BOTTOM), text);
     }
 }

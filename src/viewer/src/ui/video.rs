@@ -1,6 +1,6 @@
 //! Recording the window or the city alone: the button, its menu, and what it says.
 
-use super::commands::VIDEO;
+use super::commands::{SCREENSHOT, VIDEO};
 use super::{UiAction, UiState, ViewModel, theme};
 use egui::containers::menu::MenuButton;
 use egui::{Button, RichText, Ui, Vec2};
@@ -114,6 +114,13 @@ pub(super) fn button(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>, ac
                 ui.close();
             }
         });
+        ui.separator();
+        if ui.add(Button::new("Save a screenshot").shortcut_text(SCREENSHOT.key(ui.ctx()))).clicked() {
+            actions.push(UiAction::Screenshot);
+            ui.close();
+        }
     });
-    menu.on_hover_text("What a video shows; and a time-lapse: one picture each so many simulated seconds");
+    menu.on_hover_text(
+        "What a video shows; a time-lapse: one picture each so many simulated seconds; a screenshot",
+    );
 }

@@ -195,6 +195,13 @@ impl ApplicationHandler<WindowNews> for App<'_> {
     }
 }
 
+/// A remembered size, no larger than the largest monitor: that of another day may have been larger.
+fn fitting([width, height]: [u32; 2], events: &ActiveEventLoop) -> [u32; 2] {
+    let monitors = events.available_monitors().map(|monitor| monitor.size());
+    let largest = monitors.max_by_key(|size| u64::from(size.width) * u64::from(size.height));
+    largest.map_or([width, height], |size| [width.min(size.width), height.min(size.height)])
+}
+
 impl OpenWindow {
     fn open(
         events: &ActiveEventLoop,
@@ -202,7 +209,8 @@ impl OpenWindow {
         proxy: EventLoopProxy<WindowNews>,
     ) -> Result<Self, WindowError> {
         let settings = options.settings();
-        let [width, height] = options.size.or(settings.size).unwrap_or(USUAL_SIZE);
+        let remembered = settings.size.map(|size| fitting(size, events));
+        let [width, height] = options.size.or(remembered).unwrap_or(USUAL_SIZE);
         let attributes = Window::default_attributes()
             .with_title("City3D")
             .with_inner_size(PhysicalSize::new(width, height))

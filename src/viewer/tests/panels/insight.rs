@@ -88,9 +88,27 @@ fn the_inspector_says_to_whom_a_vehicle_yields_and_a_click_goes_there() {
     harness.get_by_label_contains(&reason).click();
     harness.run_steps(3);
     assert_eq!(harness.state().state.selection.vehicle, Some(other));
-    press(&mut harness, egui::Key::Escape);
-    assert!(harness.query_by_label("Command delay").is_none(), "Esc closes it");
+    press(&mut harness, egui::Key::I);
+    assert!(harness.query_by_label("Command delay").is_none(), "the key closes it");
     assert_eq!(harness.state().state.selection.vehicle, Some(other));
+}
+
+#[test]
+fn off_its_route_a_vehicle_has_no_errors_of_tracking() {
+    let (mut desk, vehicle, _) = yielding();
+    let mut insight = ControlInsight::clone(desk.run_state.insight.as_ref().unwrap());
+    for decision in insight.decisions.as_mut().unwrap() {
+        (decision.reason, decision.longitudinal_error_m) = (DecisionReason::OffRoute, -134.6);
+    }
+    desk.run_state.insight = Some(Arc::new(insight));
+    desk.state.selection.vehicle = Some(vehicle);
+    desk.state.open.inspector = true;
+    let mut harness = harness(desk);
+    harness.run_steps(2);
+    assert_eq!(harness.query_all_by_label("no path, off its route").count(), 2, "{:?}", texts(&harness));
+    press(&mut harness, egui::Key::P);
+    harness.run_steps(2);
+    harness.get_by_label("Lateral error, cm: -");
 }
 
 #[test]
@@ -106,7 +124,7 @@ fn of_a_log_or_over_the_link_reasons_are_told_and_measured_poses_are_not() {
     harness.run_steps(2);
     harness.get_by_label_contains(&format!("at the yield line, yields to {other} {name}"));
     // The command delay and the measured pose.
-    assert_eq!(harness.query_all_by_label("not told by this source").count(), 2, "{:?}", texts(&harness));
+    assert_eq!(harness.query_all_by_label("not known").count(), 2, "{:?}", texts(&harness));
 }
 
 #[test]
@@ -122,8 +140,8 @@ fn of_poses_alone_lane_leader_and_gap_are_known_and_reasons_are_not() {
     desk.state.open.inspector = true;
     let mut harness = harness(desk);
     harness.get_by_label(&format!("{first} path1_a"));
-    assert!(harness.query_all_by_label("not told by this source").count() >= 4, "{vehicle}");
-    harness.get_by_label_contains("target not told by this source");
+    assert!(harness.query_all_by_label("not known").count() >= 4, "{vehicle}");
+    harness.get_by_label_contains("target not known");
     // A vehicle on no lane has none.
     harness.state_mut().change(|now| now.vehicles[0].position.x += 4000.0);
     harness.state_mut().state.selection.vehicle = Some(first);

@@ -272,16 +272,20 @@ fn panels_open_beside_one_another_and_not_over_the_followed_vehicle() {
     harness.run_steps(60);
     assert_eq!(harness.state().state.viewpoint.follow, Some(VehicleId(2)));
     // What is opened first is the last of the list of panels, and yet hidden by none that follows.
-    press(&mut harness, Key::I);
+    harness.state_mut().state.open.layers = true;
     harness.run_steps(4);
     press(&mut harness, Key::F6);
     harness.run_steps(4);
-    let [inspector, charts] =
-        ["Inspector", "Charts"].map(|title| harness.get_by_role_and_label(Role::Window, title).rect());
-    assert!(!inspector.intersects(charts), "{inspector:?} {charts:?}");
+    let [layers, charts] =
+        ["Layers", "Charts"].map(|title| harness.get_by_role_and_label(Role::Window, title).rect());
+    assert!(!layers.intersects(charts), "{layers:?} {charts:?}");
     let vehicle = super::city::vehicle_at(&harness, 1);
-    for panel in [inspector, charts] {
+    for panel in [layers, charts] {
         assert!(!panel.contains(vehicle), "{panel:?} over the vehicle at {vehicle:?}");
+    }
+    let [bar, timeline] = ["Reset", "Until ..."].map(|label| harness.get_by_label_contains(label).rect());
+    for panel in [layers, charts] {
+        assert!(!panel.intersects(bar) && !panel.intersects(timeline), "{panel:?} over a bar");
     }
 }
 

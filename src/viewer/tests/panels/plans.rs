@@ -131,7 +131,7 @@ fn the_panel_traffic_lists_the_queue_in_the_order_of_entry() {
     assert!(places.len() >= 2 && places.is_sorted(), "{list}");
     harness.state_mut().run_state.coordination = None;
     harness.run_steps(3);
-    harness.get_by_label_contains("Plans are not told by this source");
+    harness.get_by_label_contains("No plans are known");
 }
 
 /// What a window shows of plans in words: over the city, in the preview of a vehicle, and in the panel Traffic.

@@ -132,6 +132,9 @@ registry!(
     QUIT = Command::always("Quit", &[ctrl(Key::Q)], |c| c.actions.push(UiAction::Quit)).in_dialogs(),
 );
 
+/// The other large views, which the menu lists, too.
+pub static VIEWS: [&Command; 2] = [&SECOND_VIEW, &THIRD_VIEW];
+
 /// Panels and pages that the menu of the bar lists.
 pub static MENU: [&Command; 7] = [&VEHICLES, &CAMERAS, &EVENTS, &TRAFFIC, &CHARTS, &INSPECTOR, &LAYERS];
 

@@ -58,13 +58,14 @@ pub(super) fn show(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>, acti
     // Panels do not change the layout while it is shown.
     let mut layout = std::mem::take(&mut state.layout);
     layout.update(state);
-    layout.fit(ui, ui.available_size());
+    let room = ui.available_rect_before_wrap();
+    layout.fit(ui, room.size());
     let (hidden, city) = (layout.hidden(), layout.tree.tiles.find_pane(&Panel::City));
     let mut dock = Dock { state, shown, actions, hidden, city, closed: None, lifted: None };
     layout.tree.ui(&mut dock, ui);
     let (closed, lifted) = (dock.closed, dock.lifted);
     layout.learn();
-    layout.show_floating(ui, state, shown, actions);
+    layout.show_floating(ui, (state, room), shown, actions);
     if let Some(panel) = closed {
         (entry(panel).close)(state);
     }
@@ -134,14 +135,15 @@ impl Layout {
     fn show_floating(
         &mut self,
         ui: &Ui,
-        state: &mut UiState,
+        (state, room): (&mut UiState, Rect),
         shown: &ViewModel<'_>,
         actions: &mut Vec<UiAction>,
     ) {
         let city = self.city().unwrap_or_else(|| ui.ctx().content_rect());
         let places = FloatingPlaces {
             city,
-            room: ui.ctx().content_rect().shrink2(vec2(12.0, 48.0)),
+            // The bars above and below stay in sight.
+            room: room.shrink(4.0),
             vehicle: super::city::watched(state, shown, city),
         };
         let is_lifted = |entry: &&PanelEntry| (entry.is_open)(state) && self.is_floating(entry.panel);

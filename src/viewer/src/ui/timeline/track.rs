@@ -18,9 +18,14 @@ struct TrackHeights {
 
 const HEIGHTS: TrackHeights = TrackHeights { marks: 14.0, bar: 7.0, times: 13.0 };
 /// In a low window the city needs the room.
-const LOW_HEIGHTS: TrackHeights = TrackHeights { marks: 8.0, bar: 5.0, times: 0.0 };
-/// Height of a low window, points.
+const LOW_HEIGHTS: TrackHeights = TrackHeights { marks: 8.0, bar: 6.0, times: 12.0 };
+/// In a very low one there are no times, but room for the knob.
+const LOWEST_HEIGHTS: TrackHeights = TrackHeights { marks: 5.0, bar: 5.0, times: 3.0 };
+/// Least height for times.
+const READABLE: f32 = 10.0;
+/// Heights of a low window and of a very low one, points.
 const LOW_WINDOW: f32 = 480.0;
+const LOWEST_WINDOW: f32 = 400.0;
 
 /// Whether the window is so low that the city needs the room.
 pub(super) fn is_low(ui: &Ui) -> bool {
@@ -62,7 +67,11 @@ pub(super) fn show(
     actions: &mut Vec<UiAction>,
 ) {
     let (head, axis) = (&replay.head, replay.axis());
-    let heights = if is_low(ui) { LOW_HEIGHTS } else { HEIGHTS };
+    let heights = match ui.ctx().content_rect().height() {
+        ..LOWEST_WINDOW => LOWEST_HEIGHTS,
+        ..LOW_WINDOW => LOW_HEIGHTS,
+        _ => HEIGHTS,
+    };
     let size = Vec2::new(ui.available_width(), heights.marks + heights.bar + heights.times);
     let (rect, response) = ui.allocate_exact_size(size, Sense::click_and_drag());
     response.widget_info(|| egui::WidgetInfo::slider(true, head.at_s, "Timeline"));
@@ -177,7 +186,7 @@ fn paint(ui: &Ui, rect: Rect, scale: &TimeAxis, state: &UiState, replay: &Timeli
     let played = Rect::from_min_max(bar.min, Pos2::new(here, bar.bottom()));
     painter.rect_filled(played, 3.0, ui.visuals().selection.bg_fill);
     marks(&painter, rect, scale, state, replay);
-    if scale.heights.times > 0.0 {
+    if scale.heights.times >= READABLE {
         times(ui, &painter, bar.bottom(), scale);
     }
     if replay.shown == ShownTime::Past {
