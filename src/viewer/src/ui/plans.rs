@@ -207,11 +207,10 @@ fn why_not(why: NoPlan) -> &'static str {
     }
 }
 
-const COLUMNS: [(&str, &str); 8] = [
-    ("", ""),
+const NUMBERS: [(&str, &str); 7] = [
     ("In zone", "Vehicles between the entry lines and the last conflicts"),
-    ("Planned", "Of these: with a plan"),
-    ("Without", "Of these: without a plan; they drive by the rules of the road"),
+    ("With a plan", "Vehicles in the zone with a plan"),
+    ("Without a plan", "Vehicles in the zone without a plan; they drive by the rules of the road"),
     ("Waiting", "Vehicles that stand in the zone"),
     ("Plans", "Plans given so far"),
     ("Replans", "Plans that were dropped: the vehicle, or another one, did not do what was expected"),
@@ -222,26 +221,28 @@ const COLUMNS: [(&str, &str); 8] = [
 pub(super) fn queue(ui: &mut Ui, shown: &ViewModel<'_>) {
     let (coordination, zones) = (shown.run_state.coordination.as_deref(), zones(shown));
     ui.label(RichText::new("Queue and plans").strong());
-    Grid::new("queue").striped(true).spacing([14.0, 3.0]).show(ui, |ui| {
-        for (title, tip) in COLUMNS {
-            ui.label(RichText::new(title).small().strong()).on_hover_text(tip);
+    let measured: Vec<_> = shown.traffic.measures().zones().collect();
+    let of_zone = |zone: &ListedZone<'_>| match (coordination, measured.get(zone.place)) {
+        (Some(coordination), _) => numbers(coordination, zone.number),
+        (None, Some((_, traffic))) => {
+            let mut numbers = ["-"; NUMBERS.len()].map(str::to_owned);
+            (numbers[0], numbers[3]) = (traffic.inside().len().to_string(), traffic.queue.now.to_string());
+            numbers
         }
-        ui.end_row();
-        let measured: Vec<_> = shown.traffic.measures().zones().collect();
+        (None, None) => ["-"; NUMBERS.len()].map(str::to_owned),
+    };
+    let numbers: Vec<_> = zones.iter().map(of_zone).collect();
+    // A column for each zone: there are few, and the panel is narrow.
+    Grid::new("queue").striped(true).spacing([14.0, 3.0]).show(ui, |ui| {
+        ui.label("");
         for zone in &zones {
             ui.label(RichText::new(zone.name).color(theme::on_ground(ui.ctx(), zone.colour())));
-            let cells = match (coordination, measured.get(zone.place)) {
-                (Some(coordination), _) => numbers(coordination, zone.number),
-                (None, Some((_, traffic))) => {
-                    let mut cells = ["-"; 7].map(str::to_owned);
-                    (cells[0], cells[3]) =
-                        (traffic.inside().len().to_string(), traffic.queue.now.to_string());
-                    cells
-                }
-                (None, None) => ["-"; 7].map(str::to_owned),
-            };
-            for cell in cells {
-                ui.monospace(cell);
+        }
+        ui.end_row();
+        for (row, (title, tip)) in NUMBERS.into_iter().enumerate() {
+            ui.label(RichText::new(title).small()).on_hover_text(tip);
+            for numbers in &numbers {
+                ui.monospace(&numbers[row]);
             }
             ui.end_row();
         }
@@ -249,7 +250,7 @@ pub(super) fn queue(ui: &mut Ui, shown: &ViewModel<'_>) {
     let Some(coordination) = coordination else {
         let text =
             "No plans are known: the control framework coordinates nobody, or does not tell its plans.";
-        ui.label(RichText::new(text).small().weak());
+        ui.add(egui::Label::new(RichText::new(text).small().weak()).wrap());
         return;
     };
     let decimal = theme::decimal(ui.ctx());
@@ -291,7 +292,7 @@ fn zones<'a>(shown: &ViewModel<'a>) -> Vec<ListedZone<'a>> {
     listed.collect()
 }
 
-fn numbers(coordination: &CoordinationState, zone: u16) -> [String; 7] {
+fn numbers(coordination: &CoordinationState, zone: u16) -> [String; NUMBERS.len()] {
     let inside = || coordination.vehicles.iter().filter(move |vehicle| vehicle.zone == zone);
     let planned = inside().filter(|vehicle| vehicle.plan.is_ok()).count();
     let told = coordination.zones.iter().find(|told| told.number == zone);

@@ -5,7 +5,7 @@ use super::{
     PictureRequest, PictureSlot, UiAction, UiState, ViewModel, commands, inspector, plans, status, theme,
 };
 use city3d_geometry::{LengthScale, trig};
-use city3d_protocol::snapshot::{FrameSnapshot, Status, VehicleId, VehicleState};
+use city3d_protocol::snapshot::{FrameSnapshot, Status, VehicleId, VehicleInfo, VehicleState};
 use city3d_sensors::{Camera, Lens, Mount, MountPoint, PictureKind, View};
 use egui::emath::GuiRounding as _;
 use egui::{Align, Align2, Color32, ComboBox, FontId, Layout, RichText, Sense, Ui, Vec2};
@@ -200,17 +200,12 @@ fn show(
         return !ui.small_button("Close preview").clicked();
     };
     let mut is_kept = true;
-    ui.horizontal(|ui| {
-        let [r, g, b] = info.appearance.colour;
-        super::vehicles::chip(ui, Color32::from_rgb(r, g, b), info.is_physical());
-        ui.label(RichText::new(format!("{} {}", vehicle.id, info.name)).strong());
-        let colour = theme::on_panel(ui.ctx(), vehicle.status);
-        let text = RichText::new(status::label(vehicle.status)).color(colour);
-        ui.label(text).on_hover_ui(|ui| {
-            _ = ui.label(status::reason(&commands::key_map::of(ui.ctx()), vehicle, info, shown.map));
-        });
-        ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
-            is_kept = !ui.small_button("x").on_hover_text("Close this preview").clicked();
+    let line = egui::vec2(ui.available_width(), ui.spacing().interact_size.y);
+    // The button has its place at the right, whatever the status says.
+    ui.allocate_ui_with_layout(line, egui::Layout::right_to_left(egui::Align::Center), |ui| {
+        is_kept = !ui.small_button("x").on_hover_text("Close this preview").clicked();
+        ui.with_layout(egui::Layout::left_to_right(egui::Align::Center), |ui| {
+            heading(ui, shown, (vehicle, info));
         });
     });
     picture(ui, (preview, layout.aspect), shown, state);
@@ -249,6 +244,18 @@ fn show(
     }
     plots(ui, (shown, state.preferences.units), vehicle, layout);
     is_kept
+}
+
+/// Which vehicle it is, and its status.
+fn heading(ui: &mut Ui, shown: &ViewModel<'_>, (vehicle, info): (&VehicleState, &VehicleInfo)) {
+    let [r, g, b] = info.appearance.colour;
+    super::vehicles::chip(ui, Color32::from_rgb(r, g, b), info.is_physical());
+    ui.label(RichText::new(format!("{} {}", vehicle.id, info.name)).strong());
+    let colour = theme::on_panel(ui.ctx(), vehicle.status);
+    let text = RichText::new(status::label(vehicle.status)).color(colour);
+    ui.add(egui::Label::new(text).truncate()).on_hover_ui(|ui| {
+        _ = ui.label(status::reason(&commands::key_map::of(ui.ctx()), vehicle, info, shown.map));
+    });
 }
 
 fn drive_button(
