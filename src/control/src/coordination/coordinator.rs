@@ -29,7 +29,10 @@ pub struct CoordinatedState {
     reviewed_s: f64,
     /// How often in a row it left its plan at once.
     distrust: u32,
-    /// It does not follow its plans, and is treated as if somebody else drove.
+    /// By how much its speed has differed lately from what it was told, laboratory m/s, and when that was noted.
+    off_mps: f64,
+    noted_s: f64,
+    /// It does not follow its plans, or does not obey, and is treated as if somebody else drove.
     pub is_distrusted: bool,
     trusted_from_s: f64,
     /// It has no plan, and vehicles that cannot have one are in the zone: it drives by the rules of the road, as they do.
@@ -42,9 +45,11 @@ pub struct CoordinatedState {
 
 /// A vehicle whose speed differs by more from that of its plan has left it: a person who brakes or speeds up is seen by the
 /// speed before the position tells.
-const SPEED_TOLERANCE_MPS: f64 = 0.1;
-/// A vehicle obeys whose speed is this close to what it was told last: who does not is told a speed near its own.
+const SPEED_TOLERANCE_MPS: f64 = 0.15;
+/// A vehicle obeys whose speed has been this close to what it was told, as a moving average over this time: who does not is told
+/// a speed near its own.
 const OBEYS_MPS: f64 = 0.06;
+const OBEYS_OVER_S: f64 = 0.3;
 /// A plan that is left sooner than this after it was made says that the vehicle does not follow plans.
 const KEEPS_FOR_S: f64 = 1.0;
 /// So many times in a row, and it is treated as if somebody else drove.
@@ -126,6 +131,7 @@ impl ZoneCoordination {
         self.vehicles.iter_mut().for_each(ZoneVehicles::clear);
         for (vehicle, cav) in cavs.iter_mut().enumerate() {
             self.locate(now_s, cav);
+            note_obedience(now_s, cav);
             self.drop_left_plan(now_s, cav);
             self.list(vehicle, cav);
         }
@@ -191,7 +197,7 @@ impl ZoneCoordination {
     fn drop_left_plan(&mut self, now_s: f64, cav: &mut Cav) {
         let (axle_s, front_s, speed_mps) = (cav.axle_s(), cav.front_s(), cav.speed_mps());
         let is_lost = cav.is_lost();
-        let obeys = (cav.plan.speed_mps - speed_mps).abs() <= OBEYS_MPS;
+        let obeys = cav.coordination.off_mps <= OBEYS_MPS;
         let state = &mut cav.coordination;
         let (Some(plan), Some(way)) = (&state.plan, state.inside) else { return };
         let planned = plan.at(now_s);
@@ -248,6 +254,20 @@ impl ZoneCoordination {
                 state.asks_from_s = now_s;
             }
         }
+    }
+}
+
+/// Notes whether a vehicle does what it is told, on a plan or by the rules of the road.
+fn note_obedience(now_s: f64, cav: &mut Cav) {
+    // On a plan its place tells.
+    let is_known = cav.is_on_route() && !cav.is_lost() && !cav.coordination.follows_plan;
+    let off_mps = if is_known { (cav.plan.speed_mps - cav.speed_mps()).abs() } else { 0.0 };
+    let state = &mut cav.coordination;
+    let passed_s = (now_s - state.noted_s).clamp(0.0, OBEYS_OVER_S);
+    state.off_mps += (off_mps - state.off_mps) * passed_s / OBEYS_OVER_S;
+    state.noted_s = now_s;
+    if state.off_mps > OBEYS_MPS {
+        (state.is_distrusted, state.trusted_from_s) = (true, now_s + DISTRUSTED_S);
     }
 }
 

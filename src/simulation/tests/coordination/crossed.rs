@@ -22,6 +22,9 @@ const GOES_ON_S: f64 = 2.0;
 /// A plan that is kept for this long is what the others expect.
 const KEPT_S: f64 = 1.0;
 
+/// What a person's speed may differ from what it was told, laboratory m/s: it is told one near its own.
+const OFF_MPS: f64 = 0.06;
+
 /// Who is farther from the middle of its lane leaves it: a third of a metre at full scale.
 const OFF_LANE_M: f64 = 0.013;
 
@@ -83,9 +86,16 @@ fn keeping(run: &Run, person: &Cav, speed_mps: f64) -> Pedals {
     Pedals { gas: pedal.clamp(0.0, 1.0), brake: (-pedal).clamp(0.0, 1.0), steering_rad, ..Pedals::default() }
 }
 
-/// Whether the person does not do, or has not long done, what the others can expect: its plan is gone or new.
+/// Whether the person does not do, or has not long done, what the others can expect: its plan is new, or it has none and does not
+/// do what it is told.
 fn is_unexpected(now_s: f64, person: &Cav) -> bool {
-    person.coordination.plan.as_ref().is_none_or(|plan| now_s - plan.start().time_s < KEPT_S)
+    match &person.coordination.plan {
+        Some(plan) => now_s - plan.start().time_s < KEPT_S,
+        None => {
+            let off_mps = (person.plan.speed_mps - person.speed_mps()).abs();
+            person.coordination.is_distrusted || off_mps > OFF_MPS
+        }
+    }
 }
 
 fn off_lane(run: &Run, person: &Cav) -> f64 {
@@ -204,14 +214,14 @@ type Drive = (f64, f64, f64);
 fn check(drives: impl Iterator<Item = (Run, Drive)>) {
     let (mut drives_count, mut collisions, mut avoidable) = (0, 0, Vec::new());
     for (run, drive) in drives {
-        let map = run.experiment().lab_map.clone();
+        let (map, seed) = (run.experiment().lab_map.clone(), run.experiment().seed);
         let (from_s, away_m, speed_mps) = drive;
         let record = Record::of(run, from_s, away_m, speed_mps);
         drives_count += 1;
         collisions += usize::from(record.hit.is_some());
         if record.was_avoidable(&map) {
             avoidable.push(format!(
-                "{:?}, {} driven: {drive:?}",
+                "seed {seed}: {:?}, {} driven: {drive:?}",
                 record.hit.map(|hit| hit.map(|of| of.0)),
                 record.person
             ));
