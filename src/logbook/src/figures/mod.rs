@@ -26,6 +26,7 @@ pub use occupancy::{ZoneStay, zone_stays};
 pub use pair::{CompareError, RunPair, some_names};
 pub use paths::{
     GiveWayKind, GiveWayLine, MergingPoint, PathError, Stream, StreamLayout, StreamMember, crossings, merges,
+    passing,
 };
 pub use quantity::{FigureScale, Quantity, SeriesFigure, compared};
 pub use run::{RunError, RunLog, Trace, TraceBuilder, TraceSample};

@@ -257,6 +257,13 @@ pub fn crossings(run: &RunLog, merge: &MergingPoint) -> Vec<(f64, VehicleId)> {
     found
 }
 
+/// The vehicles that came through a merging point.
+pub fn passing(run: &RunLog, merge: &MergingPoint) -> BTreeSet<VehicleId> {
+    let map = &run.experiment.city_map;
+    let through = run.vehicles.iter().filter(|trace| !passes(map, trace, merge).is_empty());
+    through.map(|trace| trace.id).collect()
+}
+
 /// Station and approach of each time that a vehicle came through a merging point.
 fn passes(map: &CityMap, trace: &Trace, merge: &MergingPoint) -> Vec<(f64, LaneId)> {
     let pairs = trace.track.visits.windows(2);

@@ -152,12 +152,14 @@ impl<'a> FigureSet<'a> {
             Some(merge) => {
                 let before = self.metres(self.layout.merge_at_m);
                 let by = (0..self.layout.streams.len()).map(|k| format!("Path {} by {}", k + 1, lane(k)));
+                // Figures that name their metres are those of the window, which has a list of merging points.
+                let how = match self.scale {
+                    Some(_) => "",
+                    None => "; city3d plot --merge LANE shows another one",
+                };
                 let others = match self.layout.other_merges.len() {
                     0 => String::new(),
-                    others => format!(
-                        " It is one of {} merging points; city3d plot --merge LANE shows another one.",
-                        others + 1
-                    ),
+                    others => format!(" It is one of {} merging points{how}.", others + 1),
                 };
                 format!(
                     "{frame}, front bumper. 0 lies {before:.2} m before the merging point, the beginning of \

@@ -8,6 +8,7 @@ use city3d_logbook::figures::chart::{Colour, Dash, Figure, Panel};
 use city3d_logbook::figures::{FigureScale, Quantity};
 use city3d_protocol::snapshot::VehicleId;
 use city3d_session::playback::PlaybackCommand;
+use city3d_simulation::scenario::counted;
 use egui::{Color32, ComboBox, RichText, Ui};
 use egui_plot::{GridMark, HLine, HoverPosition, Line, LineStyle, Plot, PlotPoints, VLine};
 
@@ -44,6 +45,11 @@ impl ChartKind {
             Self::Series(quantity) => quantity.needs_lanes(),
             Self::SpaceTime | Self::Positions | Self::SpeedAlongPath => true,
         }
+    }
+
+    /// Whether it shows paths, which may merge at several points.
+    pub fn is_of_paths(self) -> bool {
+        Self::FIGURES.contains(&self)
     }
 
     /// Whether its horizontal axis is the simulated time.
@@ -85,6 +91,15 @@ impl ChartSpan {
     }
 }
 
+/// A merging point that figures of paths can show.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct MergeChoice {
+    /// Name of the lane that begins there, as `city3d plot --merge` takes it.
+    pub lane: String,
+    /// Number of vehicles that have passed.
+    pub vehicles: usize,
+}
+
 /// What the user has chosen to be charted.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ChartState {
@@ -92,6 +107,8 @@ pub struct ChartState {
     pub kind: ChartKind,
     /// Vehicles that stay in the chart, whichever is selected.
     pub vehicles: Vec<VehicleId>,
+    /// Name of the merging point whose paths are shown; without it, one that the kept vehicles pass.
+    pub merge: Option<String>,
     /// How far back it shows.
     pub span: ChartSpan,
     /// In laboratory units, whatever the settings say.
@@ -105,6 +122,7 @@ impl Default for ChartState {
         Self {
             kind: ChartKind::Series(Quantity::Speed),
             vehicles: Vec::new(),
+            merge: None,
             span: ChartSpan::default(),
             is_lab: false,
             scale: FigureScale::default(),
@@ -131,6 +149,10 @@ pub struct ChartView<'a> {
     pub figure: Option<&'a Figure>,
     /// Why there is none.
     pub trouble: Option<&'a str>,
+    /// Merging points of the run, where the figure is of paths.
+    pub merges: &'a [MergeChoice],
+    /// Name of the one that is shown.
+    pub merge: Option<&'a str>,
     /// It is being computed anew.
     pub is_busy: bool,
     /// Where it was saved last, in words.
@@ -140,6 +162,7 @@ pub struct ChartView<'a> {
 /// The controls and the chart, wherever they are docked.
 pub(super) fn show(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>, actions: &mut Vec<UiAction>) {
     ui.horizontal_wrapped(|ui| controls(ui, state, shown, actions));
+    merging_point(ui, &mut state.charts, shown.chart);
     vehicles(ui, state, shown);
     if let Some(saved) = shown.chart.saved {
         ui.add(egui::Label::new(RichText::new(saved).small().weak()).truncate()).on_hover_text(saved);
@@ -153,7 +176,13 @@ pub(super) fn show(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>, acti
     }
     match (shown.chart.figure, shown.chart.trouble) {
         (Some(figure), _) => draw(ui, state, (figure, shown), actions),
-        (None, Some(trouble)) => _ = ui.label(trouble),
+        (None, Some(trouble)) => {
+            ui.label(trouble);
+            let is_of_some = state.charts.kind.is_of_paths() && !state.charts.vehicles.is_empty();
+            if is_of_some && ui.button("Show all vehicles").clicked() {
+                state.charts.vehicles.clear();
+            }
+        }
         (None, None) => _ = ui.spinner(),
     }
 }
@@ -192,12 +221,44 @@ fn controls(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>, actions: &m
     let tip = "Laboratory metres, as city3d plot draws; else with the unit of speeds of the settings";
     ui.checkbox(&mut charts.is_lab, "laboratory units").on_hover_text(tip);
     let save = ui.add_enabled(shown.chart.figure.is_some(), egui::Button::new("Save"));
-    if save.on_hover_text("Write the chart as SVG, PNG and CSV into the working folder").clicked() {
+    let save = save.on_hover_text("Write the chart as SVG, PNG and CSV into the working folder");
+    if save.on_disabled_hover_text("There is no chart to write").clicked() {
         actions.push(UiAction::SaveChart);
     }
     if shown.chart.is_busy && shown.chart.figure.is_some() {
         ui.spinner().on_hover_text("Lanes of the vehicles are being found");
     }
+}
+
+/// Which of several merging points the paths of the figure meet at.
+fn merging_point(ui: &mut Ui, charts: &mut ChartState, chart: ChartView<'_>) {
+    if chart.merges.len() < 2 {
+        return;
+    }
+    let shown = chart.merges.iter().find(|merge| Some(merge.lane.as_str()) == chart.merge);
+    ui.horizontal_wrapped(|ui| {
+        let tip = "Where the paths of the chart come together: the lane that begins there";
+        let label = ui.label("Merging point").on_hover_text(tip).id;
+        let list = ComboBox::from_id_salt("merging point")
+            .selected_text(shown.map_or_else(String::new, merge_words))
+            .height(400.0)
+            .show_ui(ui, |ui| {
+                let own = "by the kept vehicles, else by most vehicles";
+                ui.selectable_value(&mut charts.merge, None, own);
+                ui.separator();
+                for merge in chart.merges {
+                    let is_shown = Some(&merge.lane) == charts.merge.as_ref();
+                    if ui.selectable_label(is_shown, merge_words(merge)).clicked() {
+                        charts.merge = Some(merge.lane.clone());
+                    }
+                }
+            });
+        list.response.labelled_by(label).on_hover_text(tip);
+    });
+}
+
+fn merge_words(merge: &MergeChoice) -> String {
+    format!("{} ({})", merge.lane, counted(merge.vehicles, "vehicle"))
 }
 
 /// The vehicles that stay in the chart, each with a way out of it, and a way in for the selected one.

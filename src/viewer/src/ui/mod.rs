@@ -46,7 +46,7 @@ mod view_model;
 mod viewpoint;
 mod views;
 
-pub use charts::{ChartKind, ChartSpan, ChartState, ChartView};
+pub use charts::{ChartKind, ChartSpan, ChartState, ChartView, MergeChoice};
 pub use colouring::ColourBy;
 pub use commands::{
     Availability, Binding, Command, KeyMap, KeyUse, SECTIONS, Scope, Section, Shortcut, bindings,

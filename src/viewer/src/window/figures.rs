@@ -2,17 +2,15 @@
 //! of their own.
 
 use super::body_colours::Bodies;
+use super::path_figures::{PathFigures, merge_choices};
 use super::unused::name_of_moment;
-use crate::ui::{ChartKind, ChartState, ChartView};
+use crate::ui::{ChartKind, ChartState, ChartView, MergeChoice};
 use city3d_logbook::figures::chart::Figure;
-use city3d_logbook::figures::{
-    FigureSet, FigureSize, RunLog, SeriesFigure, StreamLayout, Trace, TraceBuilder, write,
-};
+use city3d_logbook::figures::{FigureSize, RunLog, SeriesFigure, Trace, TraceBuilder, write};
 use city3d_logbook::record::LogOrigin;
 use city3d_protocol::snapshot::VehicleId;
 use city3d_session::RunHistory;
 use city3d_simulation::scenario::Experiment;
-use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, TryRecvError, channel};
@@ -35,6 +33,9 @@ pub(super) struct LiveFigures {
     wanted: Option<WantedChart>,
     figure: Option<Figure>,
     trouble: Option<String>,
+    /// Merging points of the run with lanes, and the one that the figure shows.
+    merges: Vec<MergeChoice>,
+    merge: Option<String>,
     lanes: Option<Receiver<Arc<RunLog>>>,
     saved: Vec<Receiver<String>>,
     /// What was written last, in words.
@@ -64,6 +65,8 @@ impl LiveFigures {
             wanted: None,
             figure: None,
             trouble: None,
+            merges: Vec::new(),
+            merge: None,
             lanes: None,
             saved: Vec::new(),
             last_saved: None,
@@ -75,6 +78,8 @@ impl LiveFigures {
         ChartView {
             figure: self.figure.as_ref(),
             trouble: self.trouble.as_deref(),
+            merges: &self.merges,
+            merge: self.merge.as_deref(),
             is_busy: self.lanes.is_some(),
             saved: self.last_saved.as_deref(),
         }
@@ -112,8 +117,18 @@ impl LiveFigures {
                 Ok(figure) => (figure.map(|figure| self.bodies.painted(figure)), None),
                 Err(trouble) => (None, Some(trouble)),
             };
+            self.choose_merge(&wanted);
             self.wanted = Some(wanted);
         }
+    }
+
+    /// Which merging points there are to choose from, and which one is shown.
+    fn choose_merge(&mut self, wanted: &WantedChart) {
+        let run = self.run.as_ref().filter(|_| wanted.charts.kind.is_of_paths());
+        (self.merges, self.merge) = run.map_or_else(Default::default, |run| {
+            let figures = PathFigures { run, charts: &wanted.charts };
+            (merge_choices(run), figures.merge().map(|merge| merge.name))
+        });
     }
 
     /// Adds the states of the history that the traces lack.
@@ -184,27 +199,7 @@ impl LiveFigures {
             let traces: Vec<&Trace> = run.vehicles.iter().collect();
             return Ok(self.series((charts, vehicles.as_slice()), &traces, &run.vehicles, with_table));
         }
-        let layout = StreamLayout::of(run, None, None).map_err(|error| error.to_string())?;
-        if layout.streams.is_empty() {
-            return Err("No vehicle follows a lane yet.".to_owned());
-        }
-        // The figures of all vehicles say more than those of one.
-        let only: BTreeSet<VehicleId> = charts.vehicles.iter().copied().collect();
-        let runs = std::slice::from_ref(&**run);
-        let figures = FigureSet::new(runs, &layout, &only).in_metres_of(charts.scale);
-        let mut figure = match charts.kind {
-            ChartKind::Positions if layout.merge.is_none() => {
-                return Err("No paths of this run merge so far.".to_owned());
-            }
-            ChartKind::Positions => figures.position(),
-            ChartKind::SpeedAlongPath => figures.speed(0),
-            ChartKind::SpaceTime | ChartKind::Series(_) => figures.space_time(),
-        };
-        if charts.span.length_s().is_finite() && charts.kind != ChartKind::SpeedAlongPath {
-            let from_s = (run.end_s - charts.span.length_s()).max(0.0);
-            figure.panels.iter_mut().for_each(|panel| panel.x = (from_s, run.end_s));
-        }
-        Ok(Some(figure))
+        PathFigures { run, charts }.draw().map(Some)
     }
 
     fn series(
@@ -232,8 +227,12 @@ impl LiveFigures {
 
     /// Writes the chart into a folder, on a thread of its own: SVG, PNG and CSV.
     pub(super) fn save(&mut self, folder: &Path) {
-        let drawn = self.wanted.as_ref().and_then(|wanted| self.draw(wanted, true).ok().flatten());
-        let Some(mut figure) = drawn else { return };
+        let drawn = self.wanted.as_ref().map_or(Ok(None), |wanted| self.draw(wanted, true));
+        let mut figure = match drawn {
+            Ok(Some(figure)) => figure,
+            Ok(None) => return self.refuse("it is being computed; try again in a moment"),
+            Err(why) => return self.refuse(&why),
+        };
         let moment = name_of_moment(&self.experiment.name, self.end_s());
         let name = unused(folder, &format!("{moment}-{}", figure.name));
         figure.name.clone_from(&name);
@@ -251,6 +250,13 @@ impl LiveFigures {
         if std::thread::Builder::new().name("chart".to_owned()).spawn(work).is_ok() {
             self.saved.push(receiver);
         }
+    }
+
+    /// Says why there is nothing to write.
+    fn refuse(&mut self, why: &str) {
+        let (sender, receiver) = channel();
+        let _ = sender.send(format!("The chart was not saved: {why}"));
+        self.saved.push(receiver);
     }
 
     /// What was written since.
@@ -302,8 +308,12 @@ mod tests {
 
     impl Watched {
         fn new() -> Self {
-            let (text, library) = Library::scenario("roundabout").unwrap();
-            let experiment = read_experiment("roundabout", &text, &library, Overrides::default()).unwrap();
+            Self::of("roundabout")
+        }
+
+        fn of(scenario: &str) -> Self {
+            let (text, library) = Library::scenario(scenario).unwrap();
+            let experiment = read_experiment(scenario, &text, &library, Overrides::default()).unwrap();
             let experiment = Arc::new(experiment);
             let figures = LiveFigures::new(&experiment, LogOrigin::Run);
             Self { run: Run::new(experiment).unwrap(), history: RunHistory::default(), figures }
@@ -323,10 +333,13 @@ mod tests {
         }
 
         fn chart_in(&mut self, kind: ChartKind, scale: FigureScale) -> ChartView<'_> {
-            let charts = ChartState { kind, scale, ..ChartState::default() };
+            self.chosen(&ChartState { kind, scale, ..ChartState::default() })
+        }
+
+        fn chosen(&mut self, charts: &ChartState) -> ChartView<'_> {
             let start = Instant::now();
             loop {
-                self.figures.update(&charts, None, &self.history);
+                self.figures.update(charts, None, &self.history);
                 let view = self.figures.view();
                 if !view.is_busy && (view.figure.is_some() || view.trouble.is_some()) {
                     break;
@@ -389,6 +402,45 @@ mod tests {
             city.2,
             lab.2
         );
+    }
+
+    #[test]
+    fn of_several_merging_points_the_chosen_one_is_shown_else_one_that_the_kept_vehicles_pass() {
+        let mut watched = Watched::of("intersection-signals");
+        watched.go_to(20_000);
+        let mut charts = ChartState { kind: ChartKind::SpaceTime, ..ChartState::default() };
+        let view = watched.chosen(&charts);
+        let lanes: Vec<String> = view.merges.iter().map(|merge| merge.lane.clone()).collect();
+        assert_eq!((lanes.len() > 1, view.merge), (true, Some(lanes[0].as_str())), "that of most vehicles");
+        assert!(view.merges.is_sorted_by(|a, b| a.vehicles >= b.vehicles));
+        let note = &view.figure.unwrap().note;
+        assert!(note.contains(&lanes[0]) && !note.contains("city3d plot"), "{note}");
+        charts.merge = Some(lanes[1].clone());
+        let view = watched.chosen(&charts);
+        assert_eq!(view.merge, Some(lanes[1].as_str()));
+        assert!(view.figure.unwrap().note.contains(&format!("the beginning of {}", lanes[1])));
+        // Somebody who passes the second point alone.
+        let run = watched.figures.run.clone().unwrap();
+        let merges = city3d_logbook::figures::merges(&run);
+        let passing: Vec<_> =
+            merges.iter().map(|merge| city3d_logbook::figures::passing(&run, merge)).collect();
+        let kept = *passing[1].iter().find(|id| !passing[0].contains(id)).unwrap();
+        let name = run.vehicle(kept).unwrap().name.clone();
+        charts.vehicles = vec![kept];
+        charts.merge = None;
+        let view = watched.chosen(&charts);
+        assert_eq!(view.merge, Some(lanes[1].as_str()), "nobody has chosen another one");
+        assert!(!view.figure.unwrap().table.rows.is_empty());
+        // Another one that it does not pass.
+        charts.merge = Some(lanes[0].clone());
+        let view = watched.chosen(&charts);
+        let why = "does not pass this merging point: choose another one, or show all vehicles.";
+        assert_eq!((view.figure.is_none(), view.trouble), (true, Some(format!("{name} {why}").as_str())));
+        let folder = tempfile::tempdir().unwrap();
+        watched.figures.save(folder.path());
+        let said = watched.figures.try_saved().unwrap();
+        assert_eq!(said, format!("The chart was not saved: {name} {why}"));
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);
     }
 
     #[test]

@@ -5,7 +5,7 @@ use city3d_logbook::figures::chart::{ChartLine, Figure, LegendEntry, LineStyle, 
 use city3d_logbook::figures::{FigureScale, Quantity, TidyTable};
 use city3d_protocol::snapshot::VehicleId;
 use city3d_session::playback::PlaybackCommand;
-use city3d_viewer::ui::{ChartKind, UiAction};
+use city3d_viewer::ui::{ChartKind, MergeChoice, UiAction};
 use egui::Key;
 use egui_kittest::Harness;
 use egui_kittest::kittest::Queryable;
@@ -103,4 +103,38 @@ fn of_poses_alone_no_pedals_are_charted() {
     });
     harness.get_by_label_contains("Only poses are known");
     assert!(harness.query_by_label("Speed [km/h]").is_none());
+}
+
+#[test]
+fn a_merging_point_can_be_chosen_where_there_are_several() {
+    let merge = |lane: &str, vehicles| MergeChoice { lane: lane.to_owned(), vehicles };
+    let mut harness = open(|desk| {
+        desk.state.charts.kind = ChartKind::SpaceTime;
+        desk.merges = vec![merge("street-1/west/2", 21), merge("avenue-1/north/1", 1)];
+    });
+    harness.get_by_value("street-1/west/2 (21 vehicles)").click();
+    harness.run_steps(4);
+    click(&mut harness, "avenue-1/north/1 (1 vehicle)");
+    assert_eq!(harness.state().state.charts.merge.as_deref(), Some("avenue-1/north/1"));
+    harness.get_by_value("street-1/west/2 (21 vehicles)").click();
+    harness.run_steps(4);
+    click(&mut harness, "by the kept vehicles, else by most vehicles");
+    assert_eq!(harness.state().state.charts.merge, None);
+    harness.state_mut().merges.truncate(1);
+    harness.run_steps(3);
+    assert!(harness.query_by_label("Merging point").is_none(), "there is nothing to choose");
+}
+
+#[test]
+fn where_the_kept_vehicles_have_no_figure_the_chart_says_so_and_leads_to_all_vehicles() {
+    let mut harness = open(|desk| {
+        desk.state.charts.kind = ChartKind::SpaceTime;
+        desk.state.charts.vehicles = vec![VehicleId(2)];
+        (desk.chart, desk.chart_trouble) = (None, Some("car2 does not pass".to_owned()));
+    });
+    harness.get_by_label("car2 does not pass");
+    click(&mut harness, "Save");
+    assert_eq!(harness.state().actions, [], "there is nothing to write");
+    click(&mut harness, "Show all vehicles");
+    assert!(harness.state().state.charts.vehicles.is_empty());
 }

@@ -14,8 +14,8 @@ use city3d_viewer::cockpit::SteeringGeometry;
 use city3d_viewer::ui::runs::{CurvesView, RunsView, StartLists};
 use city3d_viewer::ui::{
     self, Availability, ChartView, CityKind, ControlZoneArea, DriverNames, EditView, LiveTraffic, Look,
-    PastView, QualityPreset, ReplayView, SECTIONS, ScenarioCamera, ScenarioChoice, UiAction, UiState,
-    VehicleNames, VideoStatus, ViewModel,
+    MergeChoice, PastView, QualityPreset, ReplayView, SECTIONS, ScenarioCamera, ScenarioChoice, UiAction,
+    UiState, VehicleNames, VideoStatus, ViewModel,
 };
 use egui_kittest::Harness;
 use egui_kittest::kittest::Queryable;
@@ -47,6 +47,9 @@ pub struct Desk {
     pub past: Option<PastView>,
     /// The figure of the charts, and of the curves of two runs.
     pub chart: Option<Figure>,
+    /// Merging points that the charts offer, of which the first is shown, and why there is no figure.
+    pub merges: Vec<MergeChoice>,
+    pub chart_trouble: Option<String>,
     /// Vehicles of two runs that are compared.
     pub compared: Vec<(VehicleId, String)>,
     pub video: Option<VideoStatus>,
@@ -164,6 +167,8 @@ impl Desk {
             history: RunHistory::default(),
             past: None,
             chart: None,
+            merges: Vec::new(),
+            chart_trouble: None,
             compared: Vec::new(),
             video: None,
             traffic: LiveTraffic::new(&experiment()),
@@ -250,7 +255,13 @@ impl Desk {
             }),
             past: self.past.unwrap_or(PastView { head: present(self.run_state.now.time_s), is_shown: false }),
             step_s: 0.01,
-            chart: ChartView { figure: self.chart.as_ref(), ..ChartView::default() },
+            chart: ChartView {
+                figure: self.chart.as_ref(),
+                trouble: self.chart_trouble.as_deref(),
+                merges: &self.merges,
+                merge: self.merges.first().map(|merge| merge.lane.as_str()),
+                ..ChartView::default()
+            },
             video: self.video,
             edit: self.edit.as_ref().map(|edit| EditView {
                 vehicles: &edit.vehicles,

@@ -1,0 +1,127 @@
+//! The figures of paths in the panel Charts: which merging point they show, and why there are none.
+
+use crate::ui::{ChartKind, ChartSpan, ChartState, MergeChoice};
+use city3d_logbook::figures::chart::Figure;
+use city3d_logbook::figures::{FigureSet, MergingPoint, RunLog, StreamLayout, merges, passing};
+use city3d_protocol::snapshot::VehicleId;
+use std::collections::BTreeSet;
+
+/// Most vehicles that a message names.
+const MOST_NAMED: usize = 3;
+
+/// The merging points of a run to choose from.
+pub(super) fn merge_choices(run: &RunLog) -> Vec<MergeChoice> {
+    let choice = |merge: MergingPoint| MergeChoice { lane: merge.name, vehicles: merge.vehicles };
+    merges(run).into_iter().map(choice).collect()
+}
+
+/// Figures of the paths of a run, as they were chosen.
+pub(super) struct PathFigures<'a> {
+    pub run: &'a RunLog,
+    pub charts: &'a ChartState,
+}
+
+impl PathFigures<'_> {
+    /// The merging point that was chosen, else the one that most of the kept vehicles pass; `None` where no paths merge.
+    pub fn merge(&self) -> Option<MergingPoint> {
+        let mut all = merges(self.run);
+        let chosen = all.iter().position(|merge| Some(&merge.name) == self.charts.merge.as_ref());
+        let kept = |merge: &MergingPoint| {
+            passing(self.run, merge).iter().filter(|id| self.charts.vehicles.contains(id)).count()
+        };
+        // Of equal ones the first, which most vehicles pass.
+        let best = (0..all.len()).rev().max_by_key(|index| kept(&all[*index]));
+        chosen.or(best).map(|index| all.swap_remove(index))
+    }
+
+    /// The figure.
+    ///
+    /// # Errors
+    /// Why there is none, and what to do.
+    pub fn draw(&self) -> Result<Figure, String> {
+        let merge = self.merge();
+        let name = merge.as_ref().map(|merge| merge.name.as_str());
+        let layout = StreamLayout::of(self.run, name, None).map_err(|error| error.to_string())?;
+        if layout.streams.is_empty() {
+            return Err("No vehicle follows a lane yet.".to_owned());
+        }
+        let mut figure = self.of_layout(&layout)?;
+        if figure.table.rows.is_empty() {
+            return Err(self.absence(merge.as_ref()));
+        }
+        let span = self.charts.span;
+        if span != ChartSpan::Whole && self.charts.kind != ChartKind::SpeedAlongPath {
+            let from_s = (self.run.end_s - span.length_s()).max(0.0);
+            if !has_points_after(&figure, from_s) {
+                return Err("Nobody was on these paths in that time: show the whole run.".to_owned());
+            }
+            figure.panels.iter_mut().for_each(|panel| panel.x = (from_s, self.run.end_s));
+        }
+        Ok(figure)
+    }
+
+    fn of_layout(&self, layout: &StreamLayout) -> Result<Figure, String> {
+        // The figures of all vehicles say more than those of one.
+        let only: BTreeSet<VehicleId> = self.charts.vehicles.iter().copied().collect();
+        let runs = std::slice::from_ref(self.run);
+        let figures = FigureSet::new(runs, layout, &only).in_metres_of(self.charts.scale);
+        match self.charts.kind {
+            ChartKind::Positions if layout.merge.is_none() => {
+                Err("No paths of this run merge so far.".to_owned())
+            }
+            ChartKind::Positions => Ok(figures.position()),
+            ChartKind::SpeedAlongPath => Ok(figures.speed(self.path(layout))),
+            ChartKind::SpaceTime | ChartKind::Series(_) => Ok(figures.space_time()),
+        }
+    }
+
+    /// The first path with a kept vehicle.
+    fn path(&self, layout: &StreamLayout) -> usize {
+        let is_kept = |id: VehicleId| self.charts.vehicles.contains(&id);
+        let streams = layout.streams(self.run);
+        let found = streams.iter().position(|stream| stream.members.iter().any(|m| is_kept(m.vehicle)));
+        found.unwrap_or(0)
+    }
+
+    /// Why no kept vehicle is in a figure, and what to do.
+    fn absence(&self, merge: Option<&MergingPoint>) -> String {
+        let kept: BTreeSet<VehicleId> = self.charts.vehicles.iter().copied().collect();
+        if kept.is_empty() {
+            return "Nobody has driven on these paths yet.".to_owned();
+        }
+        let passes_any = |merge: &MergingPoint| !passing(self.run, merge).is_disjoint(&kept);
+        let does = |one, many| if kept.len() == 1 { one } else { many };
+        let names = self.names();
+        let words = match merge {
+            None => format!("{} on none of the paths of this figure: show", does("is", "are")),
+            Some(_) if merges(self.run).iter().any(passes_any) => {
+                let does = does("does not", "do not");
+                format!("{does} pass this merging point: choose another one, or show")
+            }
+            Some(_) => format!("{} passed no merging point so far: show", does("has", "have")),
+        };
+        format!("{names} {words} all vehicles.")
+    }
+
+    /// The kept vehicles by their names.
+    fn names(&self) -> String {
+        let kept = &self.charts.vehicles;
+        let name = |id: &VehicleId| {
+            self.run.vehicle(*id).map_or_else(|| format!("Vehicle {id}"), |trace| trace.name.clone())
+        };
+        match &kept[..] {
+            _ if kept.len() > MOST_NAMED => format!("The {} kept vehicles", kept.len()),
+            [before @ .., last] if !before.is_empty() => {
+                let before: Vec<String> = before.iter().map(name).collect();
+                format!("{} and {}", before.join(", "), name(last))
+            }
+            _ => kept.iter().map(name).collect(),
+        }
+    }
+}
+
+/// Whether a figure over time has something to show from a time on.
+fn has_points_after(figure: &Figure, from_s: f64) -> bool {
+    let lines = figure.panels.iter().flat_map(|panel| &panel.lines);
+    lines.flat_map(|line| &line.points).any(|(time_s, _)| *time_s >= from_s)
+}
