@@ -6,6 +6,7 @@ use city3d_protocol::snapshot::VehicleId;
 use city3d_session::RunPhase;
 use city3d_simulation::scenario::{StatedVehicle, VehicleEdit};
 use city3d_viewer::ui::{CameraMode, EditAction, EditTool, PictureSlot, UiAction};
+use egui::accesskit::Role;
 use egui::{Key, Modifiers, PointerButton, Pos2};
 use egui_kittest::Harness;
 use egui_kittest::kittest::Queryable;
@@ -36,12 +37,18 @@ fn the_form_changes_the_selected_vehicle() {
     click(&mut harness, "bumper");
     assert_eq!(actions(&mut harness), change(VehicleEdit::Cameras(Some(vec!["bumper".to_owned()]))));
     assert!(harness.query_all_by_value("default (idm)").count() == 1, "the driver by its algorithm");
-    harness.get_all_by_value("default").next().unwrap().click();
-    harness.run_steps(4);
-    click(&mut harness, "bus");
-    assert_eq!(actions(&mut harness), change(VehicleEdit::Type(Some("bus".to_owned()))));
+    let choose = |harness: &mut Harness<'static, Desk>, field: &str, name: &str| {
+        harness.get_by_role_and_label(Role::ComboBox, field).click();
+        harness.run_steps(4);
+        click(harness, name);
+        actions(harness)
+    };
+    let name = |name: &str| Some(name.to_owned());
+    assert_eq!(choose(&mut harness, "Type", "bus"), change(VehicleEdit::Type(name("bus"))));
+    assert_eq!(choose(&mut harness, "Body", "van"), change(VehicleEdit::Shape(name("van"))));
+    assert_eq!(choose(&mut harness, "Model", "bicycle"), change(VehicleEdit::Model(name("bicycle"))));
     // A name counts when the field is left, not letter by letter.
-    harness.get_by_role_and_label(egui::accesskit::Role::TextInput, "Name").focus();
+    harness.get_by_role_and_label(Role::TextInput, "Name").focus();
     harness.run_steps(2);
     harness.event(egui::Event::Text("x".to_owned()));
     harness.run_steps(2);

@@ -7,6 +7,8 @@ mod tests;
 
 use super::read_sensors::MOUNTS;
 use super::read_settings::HUMAN;
+use super::read_vehicles::BODIES;
+use super::vehicle_type::MODELS;
 use city3d_protocol::snapshot::VehicleId;
 use layout::{keep_comments, replace_value, set_route};
 use std::fmt;
@@ -33,6 +35,10 @@ pub struct StatedVehicle {
     pub name: String,
     /// Name of a `[vehicle_type]`.
     pub vehicle_type: Option<String>,
+    /// Dynamics model in place of the type's.
+    pub model: Option<String>,
+    /// Body type, or a `.glb` file.
+    pub shape: Option<String>,
     /// Name of a `[driver]`, or `human`.
     pub driver: Option<String>,
     /// Lanes: the first, those in between, the last.
@@ -54,6 +60,10 @@ pub enum VehicleEdit {
     Name(String),
     /// Another `[vehicle_type]`.
     Type(Option<String>),
+    /// Another dynamics model.
+    Model(Option<String>),
+    /// Another body type.
+    Shape(Option<String>),
     /// Another `[driver]`, or `human`.
     Driver(Option<String>),
     /// Another route: names of lanes.
@@ -83,6 +93,16 @@ impl ScenarioDocument {
     /// Mounts of cameras that a vehicle may carry.
     pub fn mounts() -> impl Iterator<Item = &'static str> {
         MOUNTS.iter().map(|(name, _)| *name)
+    }
+
+    /// Dynamics models that a vehicle may have.
+    pub fn models() -> impl Iterator<Item = &'static str> {
+        MODELS.iter().map(|(name, _)| *name)
+    }
+
+    /// Body types that a vehicle may have besides those of `.glb` files.
+    pub fn shapes() -> impl Iterator<Item = &'static str> {
+        BODIES.iter().map(|(name, _)| *name)
     }
 
     /// Takes a scenario for editing; whether it can be run is not looked at.
@@ -165,6 +185,8 @@ impl ScenarioDocument {
         vehicles.push(table);
         for edit in [
             VehicleEdit::Type(vehicle.vehicle_type.clone()),
+            VehicleEdit::Model(vehicle.model.clone()),
+            VehicleEdit::Shape(vehicle.shape.clone()),
             VehicleEdit::Driver(vehicle.driver.clone()),
             VehicleEdit::Route(vehicle.route.clone()),
             VehicleEdit::At(vehicle.at_m),
@@ -196,6 +218,8 @@ impl ScenarioDocument {
         match edit {
             VehicleEdit::Name(name) => replace_value(table, "name", name.into()),
             VehicleEdit::Type(of) => set_or_remove(table, "type", of.map(Value::from)),
+            VehicleEdit::Model(model) => set_or_remove(table, "model", model.map(Value::from)),
+            VehicleEdit::Shape(shape) => set_or_remove(table, "shape", shape.map(Value::from)),
             VehicleEdit::Driver(driver) => set_or_remove(table, "driver", driver.map(Value::from)),
             VehicleEdit::Route(lanes) => set_route(table, &lanes),
             VehicleEdit::At(at_m) => replace_value(table, "at_m", at_m.into()),
@@ -234,6 +258,8 @@ fn stated(index: usize, table: &Table) -> StatedVehicle {
         id: VehicleId(id),
         name: text("name").unwrap_or_else(|| format!("cav{id}")),
         vehicle_type: text("type"),
+        model: text("model"),
+        shape: text("shape"),
         driver: text("driver"),
         route: lanes.map(str::to_owned).collect(),
         at_m: number("at_m").unwrap_or_default(),

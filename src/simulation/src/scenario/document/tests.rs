@@ -133,6 +133,32 @@ fn values_change_in_place_and_comments_stay() {
 }
 
 #[test]
+fn a_vehicle_has_a_body_and_a_model_of_its_own() {
+    let own = edited(|document| {
+        document.edit_vehicle(0, VehicleEdit::Shape(Some("van".to_owned())));
+        document.edit_vehicle(0, VehicleEdit::Model(Some("bicycle".to_owned())));
+    });
+    let stated = "speed_mps = 0.1\nshape = \"van\"\nmodel = \"bicycle\"\n";
+    assert_eq!(own, TEXT.replace("speed_mps = 0.1\n", stated));
+    let mut document = ScenarioDocument::parse(&own).unwrap();
+    let vehicle = document.vehicles().remove(0);
+    assert_eq!((vehicle.shape.as_deref(), vehicle.model.as_deref()), (Some("van"), Some("bicycle")));
+    document.edit_vehicle(0, VehicleEdit::Shape(None));
+    document.edit_vehicle(0, VehicleEdit::Model(None));
+    assert_eq!(document.to_string(), TEXT);
+    // Whatever can be chosen can be run.
+    let (text, library) = Library::scenario("roundabout").unwrap();
+    let models: Vec<&str> = ScenarioDocument::models().collect();
+    for (shape, model) in ScenarioDocument::shapes().zip(models.iter().cycle()) {
+        let mut document = ScenarioDocument::parse(&text).unwrap();
+        document.edit_vehicle(0, VehicleEdit::Shape(Some(shape.to_owned())));
+        document.edit_vehicle(0, VehicleEdit::Model(Some((*model).to_owned())));
+        let read = read_experiment("roundabout", &document.to_string(), &library, Overrides::default());
+        assert!(read.is_ok(), "{shape} {model}: {}", read.unwrap_err());
+    }
+}
+
+#[test]
 fn a_long_route_has_a_line_for_each_lane() {
     let lanes: Vec<String> = (1..=4).map(|k| format!("some-boulevard/east/outer/{k}")).collect();
     let text = edited(|document| document.edit_vehicle(0, VehicleEdit::Route(lanes.clone())));

@@ -129,6 +129,10 @@ fn of_vehicle(
         let edited =
             choice(ui, "Type", (vehicle.vehicle_type.as_ref(), edit.types, DEFAULT), VehicleEdit::Type);
         row(ui, edited);
+        let edited = own(ui, "Body", &vehicle.shape, ScenarioDocument::shapes(), VehicleEdit::Shape);
+        row(ui, edited);
+        let edited = own(ui, "Model", &vehicle.model, ScenarioDocument::models(), VehicleEdit::Model);
+        row(ui, edited);
         let default = format!("{DEFAULT} ({})", edit.default_driver);
         let drivers = (vehicle.driver.as_ref(), edit.drivers, default.as_str());
         let edited = choice(ui, "Driver", drivers, VehicleEdit::Driver);
@@ -182,6 +186,22 @@ fn name(ui: &mut Ui, vehicle: &StatedVehicle, state: &mut UiState) -> Option<Veh
 /// Name of the choice that is written as no key at all.
 const DEFAULT: &str = "default";
 
+/// What a field of names means.
+fn meaning(label: &str) -> &'static str {
+    match label {
+        "Type" => {
+            "Size, mass, motor and gains by a table of the file: [vehicle_type.NAME]. default is the car of the program, \
+             or [vehicle_type.default]"
+        }
+        "Body" => "What it looks like; default follows from its number. Its size is that of its type",
+        "Model" => {
+            "How its motion is computed: raycast is a body on four sprung wheels with tyre slip, bicycle a kinematic \
+             model without; default is that of its type"
+        }
+        _ => "Who drives it: a table of the file, [driver.NAME], or a control algorithm by its name",
+    }
+}
+
 /// A choice of names. What is not stated is shown as `unstated`.
 fn choice(
     ui: &mut Ui,
@@ -191,7 +211,7 @@ fn choice(
 ) -> Option<VehicleEdit> {
     let present = stated.map_or(DEFAULT, String::as_str);
     let mut chosen = None;
-    let id = ui.label(label).id;
+    let id = ui.label(label).on_hover_text(meaning(label)).id;
     let list = ComboBox::from_id_salt(label).selected_text(stated.map_or(unstated, String::as_str)).show_ui(
         ui,
         |ui| {
@@ -205,6 +225,18 @@ fn choice(
     );
     list.response.labelled_by(id);
     chosen
+}
+
+/// A choice of what a vehicle may have of its own in place of what its type or its number gives it.
+fn own<'a>(
+    ui: &mut Ui,
+    label: &str,
+    stated: &Option<String>,
+    names: impl Iterator<Item = &'a str>,
+    edit: fn(Option<String>) -> VehicleEdit,
+) -> Option<VehicleEdit> {
+    let names: Vec<String> = std::iter::once(DEFAULT).chain(names).map(str::to_owned).collect();
+    choice(ui, label, (stated.as_ref(), &names, DEFAULT), edit)
 }
 
 /// A number. While it is dragged it is kept aside, so that the whole drag is one change.
