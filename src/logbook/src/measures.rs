@@ -64,6 +64,8 @@ pub struct RunMeasures {
 pub struct CityMeasures {
     /// Vehicles at the end of their routes.
     pub arrived: Option<u64>,
+    /// How often vehicles came to stand, as the panel Traffic counts it.
+    pub stops: Option<u64>,
     /// Mean delay of the trips.
     pub mean_delay_s: Option<f64>,
     /// Time that all vehicles stood.
@@ -87,12 +89,21 @@ pub struct VehicleMeasures {
     pub distance_m: f64,
     /// Distance over the time in the city.
     pub mean_speed_mps: f64,
-    /// How often it came to a stop.
-    pub stops: u64,
+    /// Its share of the traffic's measures.
+    #[serde(default)]
+    pub traffic: VehicleTrafficMeasures,
     /// Longest standstill.
     pub longest_stand_s: f64,
     /// One between two vehicles counts for both.
     pub collisions: u64,
+}
+
+/// The part of one vehicle in the traffic's measures; `None` where a run has no value.
+#[derive(Clone, Debug, Default, PartialEq, Deserialize)]
+#[serde(default)]
+pub struct VehicleTrafficMeasures {
+    /// How often it came to stand.
+    pub slow_stops: Option<u64>,
 }
 
 /// Unit of a measure.
@@ -140,7 +151,9 @@ impl RunMeasures {
             name: vehicle.name.clone(),
             distance_m: vehicle.distance_m,
             mean_speed_mps: vehicle.mean_speed_mps,
-            stops: vehicle.stops.into(),
+            traffic: VehicleTrafficMeasures {
+                slow_stops: vehicle.traffic.as_ref().map(|traffic| traffic.slow_stops.into()),
+            },
             longest_stand_s: vehicle.longest_stand_s,
             collisions: vehicle.collisions.into(),
         };
@@ -153,6 +166,7 @@ impl RunMeasures {
             mean_speed_mps: summary.mean_speed_mps,
             traffic: CityMeasures {
                 arrived: Some(summary.traffic.arrived as u64),
+                stops: Some(trips.stops.into()),
                 mean_delay_s: trips.mean_delay_s,
                 stood_s: Some(trips.stood_s),
                 fuel_ml: Some(summary.traffic.effort.fuel_ml),
@@ -181,9 +195,9 @@ impl RunMeasures {
         serde_json::from_str(&text).map_err(|reason| MeasuresError::Damaged { path: path.clone(), reason })
     }
 
-    /// Stops of all vehicles.
+    /// How often vehicles came to stand; 0 of a run that did not count it.
     pub fn stops(&self) -> u64 {
-        self.vehicles.values().map(|vehicle| vehicle.stops).sum()
+        self.traffic.stops.unwrap_or_default()
     }
 
     /// Names of the vehicles that another run does not have.
@@ -207,7 +221,7 @@ impl RunMeasures {
         };
         of_run("simulated", Seconds, 1, &|run| Some(run.simulated_s));
         of_run("collisions", Count, 0, &|run| Some(run.collisions as f64));
-        of_run("stops", Count, 0, &|run| Some(run.stops() as f64));
+        of_run("stops", Count, 0, &|run| run.traffic.stops.map(|count| count as f64));
         of_run("mean speed", MetresPerSecond, 1, &|run| Some(run.mean_speed_mps));
         of_run("arrived", Count, 0, &|run| run.traffic.arrived.map(|count| count as f64));
         of_run("mean delay", Seconds, 1, &|run| run.traffic.mean_delay_s);
@@ -231,19 +245,19 @@ impl VehicleMeasures {
     fn beside(&self, other: &Self) -> impl Iterator<Item = MeasurePair> {
         use MeasureUnit::{Count, Metres, MetresPerSecond, Seconds};
         let runs = [self, other];
-        let pair = |quantity, unit, digits, value: fn(&Self) -> f64| MeasurePair {
+        let pair = |quantity, unit, digits, value: fn(&Self) -> Option<f64>| MeasurePair {
             quantity,
             unit,
             digits,
             vehicle: Some(self.name.clone()),
-            values: runs.map(|run| Some(value(run))),
+            values: runs.map(value),
         };
         [
-            pair("mean speed", MetresPerSecond, 1, |of| of.mean_speed_mps),
-            pair("distance", Metres, 1, |of| of.distance_m),
-            pair("stops", Count, 0, |of| of.stops as f64),
-            pair("longest stand", Seconds, 1, |of| of.longest_stand_s),
-            pair("collisions", Count, 0, |of| of.collisions as f64),
+            pair("mean speed", MetresPerSecond, 1, |of| Some(of.mean_speed_mps)),
+            pair("distance", Metres, 1, |of| Some(of.distance_m)),
+            pair("stops", Count, 0, |of| of.traffic.slow_stops.map(|count| count as f64)),
+            pair("longest stand", Seconds, 1, |of| Some(of.longest_stand_s)),
+            pair("collisions", Count, 0, |of| Some(of.collisions as f64)),
         ]
         .into_iter()
     }
@@ -258,9 +272,12 @@ mod tests {
     use std::sync::Arc;
 
     fn summary(seed: u64) -> Summary {
-        let (text, library) = Library::scenario("straight").unwrap();
-        let overrides = Overrides { seed: Some(seed), duration_s: Some(4.0), ..Overrides::default() };
-        let experiment = Arc::new(read_experiment("straight", &text, &library, overrides).unwrap());
+        summary_of("straight", Overrides { seed: Some(seed), duration_s: Some(4.0), ..Overrides::default() })
+    }
+
+    fn summary_of(scenario: &str, overrides: Overrides) -> Summary {
+        let (text, library) = Library::scenario(scenario).unwrap();
+        let experiment = Arc::new(read_experiment(scenario, &text, &library, overrides).unwrap());
         let mut run = Run::new(Arc::clone(&experiment)).unwrap();
         let (mut observer, mut events) = (Observer::new(&experiment), Vec::<Event>::new());
         while run.snapshot().tick < experiment.ticks() {
@@ -290,6 +307,21 @@ mod tests {
         assert_eq!(find("collisions", None).values, [Some(0.0), Some(3.0)]);
         let name = read.vehicles[&1].name.as_str();
         assert!((find("mean speed", Some(name)).difference().unwrap() - 1.0).abs() < 1e-9);
+    }
+
+    #[test]
+    fn a_stop_is_that_of_the_traffic_for_a_run_and_for_its_vehicles() {
+        let written = summary_of("roundabout", Overrides::default());
+        let stands: u32 = written.vehicles.values().map(|vehicle| vehicle.stops).sum();
+        let slow = written.traffic.trips.stops;
+        assert!(slow > 0 && slow != stands, "the two thresholds differ here: {slow}, {stands}");
+        let read = RunMeasures::of(&written);
+        let pairs = read.beside(&read);
+        let stops = |of_run: bool| -> f64 {
+            let is_it = |pair: &&MeasurePair| pair.quantity == "stops" && pair.vehicle.is_none() == of_run;
+            pairs.iter().filter(is_it).filter_map(|pair| pair.values[0]).sum()
+        };
+        assert_eq!((read.stops(), stops(true), stops(false)), (slow.into(), slow.into(), slow.into()));
     }
 
     #[test]

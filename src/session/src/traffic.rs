@@ -72,6 +72,8 @@ impl RunTraffic {
 pub struct TrafficRecorder {
     experiment: Arc<Experiment>,
     observer: Observer,
+    /// What was seen before the first step: summaries measure from that step on, and so does this.
+    before_start: Option<Box<Observer>>,
     since_s: Option<f64>,
     last_s: f64,
     places: BTreeMap<VehicleId, VecDeque<LanePlace>>,
@@ -84,6 +86,7 @@ impl TrafficRecorder {
         Self {
             experiment: Arc::clone(experiment),
             observer: Observer::new(experiment),
+            before_start: None,
             since_s: None,
             last_s: 0.0,
             places: BTreeMap::new(),
@@ -110,6 +113,13 @@ impl TrafficRecorder {
         let since_s = *self.since_s.get_or_insert(now_s);
         self.last_s = now_s;
         let mut merges = Vec::new();
+        if snapshot.tick == 0 {
+            let mut observer = self.observer.clone();
+            observer.observe(mainframe, snapshot, &mut merges);
+            self.before_start = Some(Box::new(observer));
+            return Vec::new();
+        }
+        self.before_start = None;
         self.observer.observe(mainframe, snapshot, &mut merges);
         if now_s - self.sampled_s >= EVERY_S - ROUNDING_S {
             self.sampled_s = now_s;
@@ -140,7 +150,7 @@ impl TrafficRecorder {
     /// What has been measured so far.
     pub fn traffic(&self) -> RunTraffic {
         RunTraffic {
-            measures: self.observer.traffic().clone(),
+            measures: self.before_start.as_deref().unwrap_or(&self.observer).traffic().clone(),
             since_s: self.since_s,
             places: self.places.clone(),
         }
@@ -150,8 +160,31 @@ impl TrafficRecorder {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use city3d_simulation::runner::Run;
+    use city3d_simulation::measures::TrafficReport;
+    use city3d_simulation::runner::{Run, Summary};
     use city3d_simulation::scenario::{Library, Overrides, read_experiment};
+
+    #[test]
+    fn a_run_has_the_measures_of_its_summary() {
+        let (text, library) = Library::scenario("roundabout").unwrap();
+        let overrides = Overrides { duration_s: Some(12.0), ..Overrides::default() };
+        let experiment = Arc::new(read_experiment("roundabout", &text, &library, overrides).unwrap());
+        let mut run = Run::new(Arc::clone(&experiment)).unwrap();
+        let (mut recorder, mut observer) = (TrafficRecorder::new(&experiment), Observer::new(&experiment));
+        recorder.observe(Some(run.mainframe()), run.snapshot());
+        assert_eq!(recorder.traffic().measures().vehicles().len(), 6, "they stand at their starts");
+        let mut events = Vec::new();
+        while run.snapshot().tick < experiment.ticks() {
+            run.step();
+            recorder.observe(Some(run.mainframe()), run.snapshot());
+            // As the files of the run do.
+            observer.observe(Some(run.mainframe()), run.snapshot(), &mut events);
+        }
+        let summary = Summary::new(&experiment, &observer, run.snapshot(), events, 1.0);
+        let shown = TrafficReport::of(recorder.traffic().measures());
+        assert!(summary.traffic.trips.mean_delay_s.is_some_and(|delay_s| delay_s > 0.0));
+        assert_eq!(format!("{shown:?}"), format!("{:?}", summary.traffic));
+    }
 
     #[test]
     fn a_gap_begins_anew_and_the_same_instant_counts_once() {
