@@ -9,7 +9,7 @@ use city3d_simulation::environment::EnvironmentProfile;
 use city3d_simulation::runner::{Observer, Summary};
 use city3d_simulation::scenario::Overrides;
 use city3d_viewer::ui::runs::{ComparedRuns, FilePurpose, OpenRequest, Problem, ResetQuestion, RunEntry};
-use city3d_viewer::ui::{DecimalSeparator, PastView, SpeedUnit, UiAction};
+use city3d_viewer::ui::{DecimalSeparator, EditAction, PastView, SpeedUnit, UiAction};
 use egui::accesskit::Role;
 use egui::{Key, Modifiers};
 use egui_kittest::Harness;
@@ -86,6 +86,59 @@ fn a_typed_name_is_completed_and_a_wrong_one_is_told() {
     press(&mut harness, Key::Escape);
     assert!(harness.state().state.runs.files.is_none());
     assert_eq!(harness.state().actions.len(), 1);
+}
+
+#[test]
+fn a_path_through_a_missing_folder_is_told_with_that_folder() {
+    let folder = files();
+    for (saves, name) in [(false, "abc"), (true, "abc.toml")] {
+        let mut harness = browsing(folder.path());
+        if saves {
+            harness.state_mut().state.runs.browse(FilePurpose::SaveScenario { runs: false });
+            harness.run_steps(3);
+        }
+        harness.event(egui::Event::Text(format!("nope/deep/{name}")));
+        harness.run_steps(2);
+        press(&mut harness, Key::Enter);
+        let [missing, near] = [folder.path().join("nope/deep"), folder.path().to_path_buf()]
+            .map(|path| path.display().to_string());
+        let said = format!(
+            "There is no folder {missing}. Correct the path, which is right up to {near}, or choose a folder of the list."
+        );
+        harness.get_by_label(&said);
+        assert!(harness.state().actions.is_empty());
+    }
+}
+
+#[test]
+fn a_scenario_is_saved_by_a_panel_that_speaks_of_saving() {
+    let folder = files();
+    let mut harness = browsing(folder.path());
+    harness.state_mut().state.runs.browse(FilePurpose::SaveScenario { runs: false });
+    harness.run_steps(3);
+    harness.get_by_label_contains("Enter save");
+    for name in ["All", "Maps", "Logs", "town.dxf", "run-1"] {
+        assert!(harness.query_by_label(name).is_none(), "{name} is nothing to save to");
+    }
+    harness.get_by_label_contains("Type a name: a new file is made in this folder.");
+    harness.event(egui::Event::Text("new".to_owned()));
+    harness.run_steps(2);
+    assert!(harness.query_by_label_contains("Nothing to open").is_none());
+    let file = folder.path().join("new.toml");
+    harness.get_by_label(&format!("Makes a new file: {}", file.display()));
+    press(&mut harness, Key::Enter);
+    let saved = UiAction::Edit(EditAction::SaveAs(file));
+    assert_eq!(harness.state().actions, [saved]);
+    harness.state_mut().state.runs.browse(FilePurpose::SaveScenario { runs: false });
+    harness.run_steps(3);
+    harness.event(egui::Event::Text("mine".to_owned()));
+    harness.run_steps(2);
+    let file = folder.path().join("mine.toml");
+    harness.get_by_label(&format!("Replaces {}", file.display()));
+    press(&mut harness, Key::Enter);
+    assert_eq!(harness.state().actions.len(), 1, "it is asked first");
+    press(&mut harness, Key::Enter);
+    assert_eq!(harness.state().actions[1], UiAction::Edit(EditAction::SaveAs(file)));
 }
 
 #[test]

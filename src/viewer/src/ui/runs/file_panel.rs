@@ -128,9 +128,29 @@ impl FilePanel {
         (self.is_clicked, self.scrolls_to_marked) = (false, true);
     }
 
+    /// What is wrong with the folder that was typed; `None` where it can be gone into.
+    fn missing_folder(&self) -> Option<String> {
+        let (folder, _) = self.typed.rsplit_once(MAIN_SEPARATOR)?;
+        let folder = Path::new(if folder.is_empty() { "/" } else { folder });
+        if folder.is_dir() {
+            return None;
+        }
+        // The longest part of the path that is there.
+        let near = folder.ancestors().skip(1).find(|above| above.is_dir()).unwrap_or(Path::new("/"));
+        Some(format!(
+            "There is no folder {}. Correct the path, which is right up to {}, or choose a folder of the list.",
+            folder.display(),
+            near.display()
+        ))
+    }
+
     /// What Enter means now.
     fn choose(&mut self) -> Option<Chosen> {
         let typed = PathBuf::from(&self.typed);
+        if let Some(missing) = self.missing_folder() {
+            self.trouble = Some(missing);
+            return None;
+        }
         if self.saves() && !self.typed_name().is_empty() && !typed.is_dir() {
             return self.chosen_to_save(&typed);
         }
@@ -154,9 +174,28 @@ impl FilePanel {
         matches!(self.purpose, FilePurpose::SaveScenario { .. })
     }
 
+    /// The file that a name means; the ending of scenarios need not be typed.
+    fn file_to_save(path: &Path) -> PathBuf {
+        if path.extension().is_some() { path.to_path_buf() } else { path.with_extension("toml") }
+    }
+
+    /// What saving does with what is typed.
+    fn saving_words(&self) -> String {
+        let typed = Path::new(&self.typed);
+        if self.typed_name().is_empty() || typed.is_dir() {
+            return "Type a name: a new file is made in this folder. Or mark a scenario to replace it."
+                .to_owned();
+        }
+        let path = Self::file_to_save(typed);
+        match path.exists() {
+            true => format!("Replaces {}", path.display()),
+            false => format!("Makes a new file: {}", path.display()),
+        }
+    }
+
     /// A file to write; one that is there is replaced only when it is chosen twice.
     fn chosen_to_save(&mut self, path: &Path) -> Option<Chosen> {
-        let path = if path.extension().is_some() { path.to_path_buf() } else { path.with_extension("toml") };
+        let path = Self::file_to_save(path);
         if kind_of(&path) != EntryKind::Scenario {
             self.trouble = Some("A scenario is saved as a .toml file.".to_owned());
             return None;
@@ -204,7 +243,7 @@ pub(super) fn show(ui: &Ui, panels: &mut RunPanels, lists: &StartLists, actions:
         ui.heading(match panel.purpose {
             FilePurpose::Open => "Open a scenario, a map or a log",
             FilePurpose::Compare => "Compare with a recorded run",
-            FilePurpose::SaveScenario { .. } => "Save the scenario: type its name",
+            FilePurpose::SaveScenario { .. } => "Save the scenario as a file",
         });
         // Its own keys come before those of the field: the field would take them.
         chosen = keys(ui, panel);
@@ -217,19 +256,25 @@ pub(super) fn show(ui: &Ui, panels: &mut RunPanels, lists: &StartLists, actions:
         let clicked = clicked.show(ui, |ui| list(ui, panel)).inner;
         chosen = chosen.take().or(clicked);
         ui.separator();
-        if let Some(trouble) = &panel.trouble {
-            ui.colored_label(ui.visuals().error_fg_color, trouble);
+        match &panel.trouble {
+            Some(trouble) => _ = ui.colored_label(ui.visuals().error_fg_color, trouble),
+            None if panel.saves() => _ = ui.label(panel.saving_words()),
+            None => {}
         }
         ui.horizontal(|ui| {
-            let verb = if panel.saves() { "Save" } else { "Open" };
-            if ui.button(verb).on_hover_text("What is marked (Enter)").clicked() {
+            let (verb, tip) = match panel.saves() {
+                true => ("Save", "Under the name above (Enter)"),
+                false => ("Open", "What is marked (Enter)"),
+            };
+            if ui.button(verb).on_hover_text(tip).clicked() {
                 chosen = chosen.take().or_else(|| panel.choose());
             }
             is_cancelled = ui.button("Cancel").on_hover_text("Esc").clicked();
             ui.with_layout(Layout::right_to_left(Align::Center), |ui| {
-                ui.small(
-                    "up down mark   Enter open   Backspace folder above   type a name, Tab completes it",
-                );
+                let enter = verb.to_lowercase();
+                ui.small(format!(
+                    "up down mark   Enter {enter}   Backspace folder above   type a name, Tab completes it"
+                ));
             });
         });
     });
@@ -319,13 +364,17 @@ fn path(ui: &mut Ui, panel: &mut FilePanel) {
 /// The filter, and shortcuts to folders.
 fn places(ui: &mut Ui, panel: &mut FilePanel, lists: &StartLists) {
     ui.horizontal_wrapped(|ui| {
-        for (filter, name) in FileFilter::ALL {
+        // A scenario is saved among scenarios.
+        let filters = if panel.saves() { &[] } else { &FileFilter::ALL[..] };
+        for (filter, name) in filters.iter().copied() {
             let choice = ui.selectable_label(panel.filter == filter, name).on_hover_text(filter.endings());
             if choice.clicked() {
                 (panel.filter, panel.marked, panel.is_clicked) = (filter, 0, false);
             }
         }
-        ui.separator();
+        if !panel.saves() {
+            ui.separator();
+        }
         if ui.button("Folder above").on_hover_text("Backspace").clicked() {
             panel.go_up();
         }
@@ -348,7 +397,11 @@ fn list(ui: &mut Ui, panel: &mut FilePanel) -> Option<Chosen> {
     let listed: Vec<(String, PathBuf, EntryKind)> =
         panel.listed().iter().map(|entry| (entry.name.clone(), entry.path.clone(), entry.kind)).collect();
     if listed.is_empty() && panel.trouble.is_none() {
-        ui.label(RichText::new(format!("Nothing to open here: no {}.", panel.filter.endings())).weak());
+        let text = match panel.saves() {
+            true => "No scenario (.toml) here begins with this name.".to_owned(),
+            false => format!("Nothing to open here: no {}.", panel.filter.endings()),
+        };
+        ui.label(RichText::new(text).weak());
     }
     let mut clicked = None;
     for (index, (name, path, kind)) in listed.iter().enumerate() {
