@@ -107,7 +107,8 @@ pub struct ChartState {
     pub kind: ChartKind,
     /// Vehicles that stay in the chart, whichever is selected.
     pub vehicles: Vec<VehicleId>,
-    /// Name of the merging point whose paths are shown; without it, one that the kept vehicles pass.
+    /// Name of the merging point whose paths are shown; without it, one that the kept or
+    /// the selected vehicles pass.
     pub merge: Option<String>,
     /// How far back it shows.
     pub span: ChartSpan,
@@ -243,8 +244,10 @@ fn merging_point(ui: &mut Ui, charts: &mut ChartState, chart: ChartView<'_>) {
             .selected_text(shown.map_or_else(String::new, merge_words))
             .height(400.0)
             .show_ui(ui, |ui| {
-                let own = "by the kept vehicles, else by most vehicles";
-                ui.selectable_value(&mut charts.merge, None, own);
+                let own = ui.selectable_value(&mut charts.merge, None, "automatic");
+                own.on_hover_text(
+                    "One that the kept or the selected vehicles pass, else that of most vehicles",
+                );
                 ui.separator();
                 for merge in chart.merges {
                     let is_shown = Some(&merge.lane) == charts.merge.as_ref();
@@ -281,6 +284,9 @@ fn vehicles(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>) {
                 if ui.small_button(text).on_hover_text(tip).clicked() {
                     state.charts.vehicles.push(id);
                 }
+            }
+            None if state.charts.vehicles.is_empty() && state.charts.kind.is_of_paths() => {
+                ui.weak("All vehicles on the paths; select one to keep it alone.");
             }
             None if state.charts.vehicles.is_empty() => {
                 ui.weak(format!("The first {MOST_VEHICLES} vehicles; select one to see it alone."));

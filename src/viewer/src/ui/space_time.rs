@@ -1,7 +1,7 @@
 //! The space-time diagram of the panel Traffic: everybody on the lanes of the selected vehicle's route.
 
 use super::events::named;
-use super::{UiState, ViewModel, overlay, theme};
+use super::{ChartKind, UiState, ViewModel, overlay, theme};
 use city3d_control::Route;
 use city3d_protocol::snapshot::VehicleId;
 use city3d_roadmap::{LaneId, ZoneKind};
@@ -21,7 +21,7 @@ const NAMES_APART: f64 = 0.06;
 const BAND: f32 = 0.3;
 
 /// Space-time diagram of the selected vehicle's route: everybody on its lanes.
-pub(super) fn show(ui: &mut Ui, state: &UiState, shown: &ViewModel<'_>) {
+pub(super) fn show(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>) {
     let measures = shown.traffic.measures();
     let Some(selected) = state.selection.vehicle else {
         ui.label(RichText::new("Select a vehicle to see the space-time diagram of its route.").weak());
@@ -44,7 +44,14 @@ pub(super) fn show(ui: &mut Ui, state: &UiState, shown: &ViewModel<'_>) {
     let title = format!("Space-time diagram: the way of {}", named(shown.names, selected));
     let tip =
         "Front bumpers along its route: metres before and behind where it is now, over the last seconds";
-    ui.label(RichText::new(title).small()).on_hover_text(tip);
+    ui.horizontal_wrapped(|ui| {
+        ui.label(RichText::new(title).small()).on_hover_text(tip);
+        let large = "The whole run, large: of all paths that meet at a merging point of its way. It can be saved there";
+        if ui.small_button("Open in Charts").on_hover_text(large).clicked() {
+            state.open.charts = true;
+            (state.charts.kind, state.charts.merge) = (ChartKind::SpaceTime, None);
+        }
+    });
     let bands = bands(route, &diagram);
     keys(ui, &bands);
     plot(ui).show(ui, |plot| diagram.draw(plot, &bands));

@@ -46,6 +46,7 @@ pub(super) struct LiveFigures {
 #[derive(Clone, Debug, PartialEq)]
 struct WantedChart {
     charts: ChartState,
+    selected: Option<VehicleId>,
     vehicles: Vec<VehicleId>,
     states: (u64, usize),
     /// End of the run with lanes, where it is drawn from that.
@@ -107,6 +108,7 @@ impl LiveFigures {
         let lanes_end_s = self.run.as_ref().map(|run| run.end_s).filter(|_| charts.kind.needs_lanes());
         let wanted = WantedChart {
             charts: charts.clone(),
+            selected,
             vehicles,
             // What has come since the lanes were found does not change a figure of them.
             states: if charts.kind.needs_lanes() { (0, 0) } else { states },
@@ -126,7 +128,7 @@ impl LiveFigures {
     fn choose_merge(&mut self, wanted: &WantedChart) {
         let run = self.run.as_ref().filter(|_| wanted.charts.kind.is_of_paths());
         (self.merges, self.merge) = run.map_or_else(Default::default, |run| {
-            let figures = PathFigures { run, charts: &wanted.charts };
+            let figures = PathFigures { run, charts: &wanted.charts, selected: wanted.selected };
             (merge_choices(run), figures.merge().map(|merge| merge.name))
         });
     }
@@ -199,7 +201,7 @@ impl LiveFigures {
             let traces: Vec<&Trace> = run.vehicles.iter().collect();
             return Ok(self.series((charts, vehicles.as_slice()), &traces, &run.vehicles, with_table));
         }
-        PathFigures { run, charts }.draw().map(Some)
+        PathFigures { run, charts, selected: wanted.selected }.draw().map(Some)
     }
 
     fn series(
@@ -337,9 +339,13 @@ mod tests {
         }
 
         fn chosen(&mut self, charts: &ChartState) -> ChartView<'_> {
+            self.chosen_of(charts, None)
+        }
+
+        fn chosen_of(&mut self, charts: &ChartState, selected: Option<VehicleId>) -> ChartView<'_> {
             let start = Instant::now();
             loop {
-                self.figures.update(charts, None, &self.history);
+                self.figures.update(charts, selected, &self.history);
                 let view = self.figures.view();
                 if !view.is_busy && (view.figure.is_some() || view.trouble.is_some()) {
                     break;
@@ -431,6 +437,9 @@ mod tests {
         let view = watched.chosen(&charts);
         assert_eq!(view.merge, Some(lanes[1].as_str()), "nobody has chosen another one");
         assert!(!view.figure.unwrap().table.rows.is_empty());
+        charts.vehicles.clear();
+        assert_eq!(watched.chosen_of(&charts, Some(kept)).merge, Some(lanes[1].as_str()), "it is selected");
+        charts.vehicles = vec![kept];
         // Another one that it does not pass.
         charts.merge = Some(lanes[0].clone());
         let view = watched.chosen(&charts);

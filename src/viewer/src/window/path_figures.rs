@@ -19,18 +19,23 @@ pub(super) fn merge_choices(run: &RunLog) -> Vec<MergeChoice> {
 pub(super) struct PathFigures<'a> {
     pub run: &'a RunLog,
     pub charts: &'a ChartState,
+    pub selected: Option<VehicleId>,
 }
 
 impl PathFigures<'_> {
-    /// The merging point that was chosen, else the one that most of the kept vehicles pass; `None` where no paths merge.
+    /// The merging point that was chosen, else the one that most of the kept vehicles pass, or without these the selected
+    /// one; `None` where no paths merge.
     pub fn merge(&self) -> Option<MergingPoint> {
         let mut all = merges(self.run);
         let chosen = all.iter().position(|merge| Some(&merge.name) == self.charts.merge.as_ref());
-        let kept = |merge: &MergingPoint| {
-            passing(self.run, merge).iter().filter(|id| self.charts.vehicles.contains(id)).count()
+        let wanted: Vec<VehicleId> = match self.charts.vehicles.is_empty() {
+            true => self.selected.into_iter().collect(),
+            false => self.charts.vehicles.clone(),
         };
+        let count =
+            |merge: &MergingPoint| passing(self.run, merge).iter().filter(|id| wanted.contains(id)).count();
         // Of equal ones the first, which most vehicles pass.
-        let best = (0..all.len()).rev().max_by_key(|index| kept(&all[*index]));
+        let best = (0..all.len()).rev().max_by_key(|index| count(&all[*index]));
         chosen.or(best).map(|index| all.swap_remove(index))
     }
 

@@ -112,13 +112,14 @@ fn a_merging_point_can_be_chosen_where_there_are_several() {
         desk.state.charts.kind = ChartKind::SpaceTime;
         desk.merges = vec![merge("street-1/west/2", 21), merge("avenue-1/north/1", 1)];
     });
+    assert!(harness.query_by_label_contains("The first 8 vehicles").is_none(), "it has all of them");
     harness.get_by_value("street-1/west/2 (21 vehicles)").click();
     harness.run_steps(4);
     click(&mut harness, "avenue-1/north/1 (1 vehicle)");
     assert_eq!(harness.state().state.charts.merge.as_deref(), Some("avenue-1/north/1"));
     harness.get_by_value("street-1/west/2 (21 vehicles)").click();
     harness.run_steps(4);
-    click(&mut harness, "by the kept vehicles, else by most vehicles");
+    click(&mut harness, "automatic");
     assert_eq!(harness.state().state.charts.merge, None);
     harness.state_mut().merges.truncate(1);
     harness.run_steps(3);

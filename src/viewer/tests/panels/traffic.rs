@@ -1,7 +1,7 @@
 //! The panel Traffic: what a run costs while it goes on, and the space-time diagram.
 
 use super::city::texts;
-use super::desk::{Desk, Recording, harness, present, press};
+use super::desk::{Desk, Recording, click, harness, present, press};
 use city3d_protocol::snapshot::VehicleId;
 use city3d_session::TrafficRecorder;
 use city3d_session::playback::Playhead;
@@ -71,7 +71,10 @@ fn the_diagram_is_that_of_the_selected_vehicle() {
     let names = texts(&harness).into_iter().filter(|text| text == "1 path1_a" || text == "2 path1_b");
     // In the label over the city and in the diagram.
     assert_eq!(names.count(), 4, "{:?}", texts(&harness));
-    // Charts have a figure of the same name.
+    // Charts have a figure of the same name, which is large and can be saved.
+    click(&mut harness, "Open in Charts");
+    let state = &harness.state().state;
+    assert_eq!((state.open.charts, state.charts.kind), (true, ChartKind::SpaceTime));
     assert!(ChartKind::SpaceTime.label().starts_with("Space-time diagram"));
 }
 
