@@ -88,8 +88,8 @@ fn overrun(map: &LabMap, scale: LengthScale, vehicle: &PlannedVehicle) -> Option
     (vehicle.start.speed_mps > 0.0 && needed_m > left_m).then(|| Infeasible {
         field: "speed_mps",
         message: format!(
-            "{}: at {} m/s it needs {needed_m:.2} laboratory metres to stop, and its route ends after \
-             {:.2}: start slower or further back, or give it a longer route",
+            "{}: at {} m/s it needs {needed_m:.2} m to stop, and its route ends after \
+             {:.2} m (of the laboratory): start slower or further back, or give it a longer route",
             vehicle.name,
             vehicle.start.speed_mps,
             left_m.max(0.0)
