@@ -19,6 +19,18 @@ pub fn replace_value(table: &mut Table, key: &str, mut new: Value) {
     }
 }
 
+/// Moves a value of a table behind another one.
+pub fn put_behind(table: &mut Table, key: &str, other: &str) {
+    let Some(place) = table.iter().position(|(name, _)| name == other) else { return };
+    let order: Vec<String> =
+        table.iter().map(|(name, _)| name.to_owned()).filter(|name| name != key).collect();
+    let rank = |name: &str| match order.iter().position(|known| known == name) {
+        Some(at) => 2 * at,
+        None => 2 * place + 1,
+    };
+    table.sort_values_by(|a, _, b, _| rank(a.get()).cmp(&rank(b.get())));
+}
+
 /// Writes the names of lanes. Those that stay at the beginning keep their lines and comments.
 pub fn set_route(table: &mut Table, lanes: &[String]) {
     let old = table.get("route").and_then(Item::as_array);

@@ -10,7 +10,7 @@ use super::read_settings::HUMAN;
 use super::read_vehicles::BODIES;
 use super::vehicle_type::MODELS;
 use city3d_protocol::snapshot::VehicleId;
-use layout::{keep_comments, replace_value, set_route};
+use layout::{keep_comments, put_behind, replace_value, set_route};
 use std::fmt;
 use thiserror::Error;
 use toml_edit::{Array, ArrayOfTables, DocumentMut, Item, Table, Value, value};
@@ -86,6 +86,7 @@ pub struct ScenarioDocument {
 
 /// Names of the keys that are written.
 const NAME: &str = "name";
+const DESCRIPTION: &str = "description";
 const VEHICLE: &str = "vehicle";
 const SENSOR: &str = "sensor";
 
@@ -121,6 +122,21 @@ impl ScenarioDocument {
     /// Sets the name of the scenario.
     pub fn set_name(&mut self, name: &str) {
         replace_value(self.document.as_table_mut(), NAME, Value::from(name));
+    }
+
+    /// What the scenario is about; empty where the file does not say it.
+    pub fn description(&self) -> &str {
+        self.document.get(DESCRIPTION).and_then(Item::as_str).unwrap_or_default()
+    }
+
+    /// Sets the description, behind the name where there was none; an empty one is taken out.
+    pub fn set_description(&mut self, description: &str) {
+        let is_new = !self.document.contains_key(DESCRIPTION);
+        let table = self.document.as_table_mut();
+        set_or_remove(table, DESCRIPTION, (!description.is_empty()).then(|| description.into()));
+        if is_new {
+            put_behind(table, DESCRIPTION, NAME);
+        }
     }
 
     /// The vehicles in the order of the file.

@@ -159,6 +159,19 @@ fn a_vehicle_has_a_body_and_a_model_of_its_own() {
 }
 
 #[test]
+fn a_description_stands_behind_the_name() {
+    let text = edited(|document| document.set_description("What it is about"));
+    let expected = TEXT.replace("\"mine\"\n", "\"mine\"\ndescription = \"What it is about\"\n");
+    assert_eq!(text, expected);
+    let mut document = ScenarioDocument::parse(&text).unwrap();
+    assert_eq!(document.description(), "What it is about");
+    document.set_description("Another one");
+    assert_eq!(document.to_string(), expected.replace("What it is about", "Another one"));
+    document.set_description("");
+    assert_eq!(document.to_string(), TEXT);
+}
+
+#[test]
 fn a_long_route_has_a_line_for_each_lane() {
     let lanes: Vec<String> = (1..=4).map(|k| format!("some-boulevard/east/outer/{k}")).collect();
     let text = edited(|document| document.edit_vehicle(0, VehicleEdit::Route(lanes.clone())));
