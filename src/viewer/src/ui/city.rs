@@ -54,7 +54,7 @@ pub fn show(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>, actions: &m
     state.tints = state.layers.colour.tints(ui.ctx(), shown);
     layers::paint(&canvas, state, shown);
     state.measure.paint(&canvas);
-    editing::paint(&canvas, state, shown);
+    editing::paint(&canvas, state, shown, pointed.and_then(|at| canvas.ground_at(at)));
     rulers::paint(&canvas, state, shown, pointed);
     legend::paint(ui, rect, state, shown);
     if state.layers.map {

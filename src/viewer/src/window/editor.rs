@@ -46,6 +46,9 @@ pub struct EditedCity {
     pub start: Arc<FrameSnapshot>,
 }
 
+/// Begins the description of a scenario that was saved as another one.
+const MADE_FROM: &str = "Made from ";
+
 type Outcome = Result<EditedCity, Vec<String>>;
 
 /// A scenario under editing.
@@ -138,6 +141,7 @@ impl ScenarioEditor {
             can_redo: self.at + 1 < self.versions.len(),
             file: self.file(),
             name: &self.name,
+            description: self.document.description(),
         }
     }
 
@@ -191,6 +195,12 @@ impl ScenarioEditor {
         self.keep();
     }
 
+    /// Changes the description of the scenario.
+    pub fn describe(&mut self, description: &str) {
+        self.document.set_description(description);
+        self.keep();
+    }
+
     /// Removes a vehicle.
     pub fn remove(&mut self, id: VehicleId) {
         let Some(index) = self.index(id) else { return };
@@ -219,7 +229,9 @@ impl ScenarioEditor {
         if self.file.as_deref() != Some(path)
             && let Some(name) = path.file_stem()
         {
+            let description = self.description_elsewhere();
             self.document.set_name(&name.to_string_lossy());
+            self.document.set_description(&description);
             self.keep();
         }
         if let Err(reason) = WholeFile::write(path, self.text().as_bytes()) {
@@ -236,6 +248,21 @@ impl ScenarioEditor {
         self.checked.clear();
         self.poll();
         Ok(())
+    }
+
+    /// The description in another file. Where it is still that of the file that was opened, the new card says from what it
+    /// was made: the two are told apart.
+    fn description_elsewhere(&self) -> String {
+        let present = self.document.description();
+        let opened = ScenarioDocument::parse(&self.saved);
+        let is_own = opened.is_ok_and(|opened| opened.description() != present);
+        if is_own || present.is_empty() {
+            return present.to_owned();
+        }
+        let from = Path::new(&self.name).file_stem().unwrap_or_default().to_string_lossy();
+        // Of several copies the last one is told.
+        let first = present.strip_prefix(MADE_FROM).and_then(|rest| Some(rest.split_once(": ")?.1));
+        format!("{MADE_FROM}{from}: {}", first.unwrap_or(present))
     }
 
     /// Takes the result of a check, and begins the next one where the text has changed meanwhile.
@@ -414,6 +441,27 @@ mod tests {
             assert_eq!(editor.view().problems, &[] as &[String], "{name}");
             assert_eq!(editor.city().unwrap().info.drivers[&id], name);
         }
+    }
+
+    #[test]
+    fn a_scenario_that_is_saved_as_another_one_has_another_description() {
+        let folder = tempfile::tempdir().unwrap();
+        let said = |editor: &ScenarioEditor| editor.view().description.to_owned();
+        let mut copied = editor("straight");
+        let first = said(&copied);
+        assert!(!first.is_empty());
+        copied.save(&folder.path().join("crash.toml")).unwrap();
+        assert_eq!(said(&copied), format!("Made from straight: {first}"));
+        copied.save(&folder.path().join("crash.toml")).unwrap();
+        assert_eq!(said(&copied), format!("Made from straight: {first}"), "it is the same file");
+        copied.save(&folder.path().join("again.toml")).unwrap();
+        assert_eq!(said(&copied), format!("Made from crash: {first}"));
+        let mut own = editor("straight");
+        own.describe("Two cars crash");
+        own.save(&folder.path().join("own.toml")).unwrap();
+        assert_eq!(said(&own), "Two cars crash");
+        let text = std::fs::read_to_string(folder.path().join("own.toml")).unwrap();
+        assert!(text.contains("name = \"own\"\ndescription = \"Two cars crash\"\n"), "{text}");
     }
 
     #[test]

@@ -78,6 +78,7 @@ pub struct EditedFile {
     pub types: Vec<String>,
     pub drivers: Vec<String>,
     pub problems: Vec<String>,
+    pub description: String,
     pub has_history: bool,
 }
 
@@ -275,6 +276,7 @@ impl Desk {
                 can_redo: edit.has_history,
                 file: None,
                 name: "mine.toml",
+                description: &edit.description,
             }),
         };
         act(&mut self.state, &shown)

@@ -5,7 +5,7 @@ use super::desk::{Desk, EditedFile, click, fleet, harness, map, press};
 use city3d_protocol::snapshot::VehicleId;
 use city3d_session::RunPhase;
 use city3d_simulation::scenario::{StatedVehicle, VehicleEdit};
-use city3d_viewer::ui::{CameraMode, EditAction, EditTool, PictureSlot, UiAction};
+use city3d_viewer::ui::{CameraMode, EditAction, EditTool, PictureSlot, SpeedUnit, UiAction};
 use egui::accesskit::Role;
 use egui::{Key, Modifiers, PointerButton, Pos2};
 use egui_kittest::Harness;
@@ -76,6 +76,114 @@ fn problems_are_listed_and_keep_the_scenario_from_running() {
     harness.key_press_modifiers(Modifiers::COMMAND, Key::E);
     harness.run_steps(2);
     assert_eq!(actions(&mut harness), [EditAction::End]);
+}
+
+/// Types into a field of numbers, and leaves it.
+fn type_number(harness: &mut Harness<'static, Desk>, field: &str, number: &str) -> Vec<EditAction> {
+    harness.get_by_role_and_label(Role::SpinButton, field).click();
+    harness.run_steps(3);
+    harness.key_press_modifiers(Modifiers::COMMAND, Key::A);
+    harness.event(egui::Event::Text(number.to_owned()));
+    harness.run_steps(2);
+    press(harness, Key::Enter);
+    harness.run_steps(2);
+    actions(harness)
+}
+
+#[test]
+fn starts_and_speeds_are_edited_in_the_units_of_the_window_and_kept_in_those_of_the_laboratory() {
+    let mut harness = harness(editing());
+    let change = |edit| vec![EditAction::Change(VehicleId(2), edit)];
+    assert_eq!(type_number(&mut harness, "Initial speed", "36"), change(VehicleEdit::Speed(0.4)));
+    assert_eq!(type_number(&mut harness, "Start", "8.5"), change(VehicleEdit::At(0.34)));
+    harness.state_mut().state.preferences.units = SpeedUnit::LabMetrePerSecond;
+    harness.run_steps(2);
+    assert_eq!(type_number(&mut harness, "Initial speed", "0.35"), change(VehicleEdit::Speed(0.35)));
+    assert_eq!(type_number(&mut harness, "Start", "0.42"), change(VehicleEdit::At(0.42)));
+}
+
+#[test]
+fn a_number_beyond_its_bounds_is_refused_beside_its_field() {
+    let mut harness = harness(editing());
+    assert_eq!(type_number(&mut harness, "Initial speed", "99999"), []);
+    let said = harness.get_by_label("refused: only 0 to 180").rect();
+    let field = harness.get_by_role_and_label(Role::SpinButton, "Initial speed").rect();
+    assert!(field.y_range().contains(said.center().y), "{said:?} {field:?}");
+    assert!(harness.query_by_value("0.0 km/h").is_some(), "the file still has the old one");
+    // Of another vehicle it says nothing, and a number that is allowed takes it away.
+    harness.state_mut().state.selection.vehicle = Some(VehicleId(3));
+    harness.run_steps(2);
+    assert!(harness.query_by_label_contains("refused:").is_none());
+    harness.state_mut().state.selection.vehicle = Some(VehicleId(2));
+    harness.run_steps(2);
+    harness.get_by_label_contains("refused:");
+    type_number(&mut harness, "Initial speed", "20");
+    assert!(harness.query_by_label_contains("refused:").is_none());
+}
+
+#[test]
+fn problems_move_no_field_of_the_form() {
+    let mut harness = harness(editing());
+    let place = |harness: &Harness<'static, Desk>| {
+        let field = |role, label| harness.get_by_role_and_label(role, label).rect();
+        [field(Role::TextInput, "Name"), field(Role::SpinButton, "Initial speed")]
+    };
+    let before = place(&harness);
+    let problems = (1..=9).map(|k| format!("line {k}: something is wrong here, with a remedy that is long"));
+    harness.state_mut().edit.as_mut().unwrap().problems = problems.collect();
+    harness.run_steps(3);
+    assert_eq!(place(&harness), before);
+    let first = harness.get_by_label_contains("line 1:").rect();
+    assert!(first.top() > before[1].bottom(), "they are told below");
+}
+
+#[test]
+fn labels_stand_beside_the_first_line_of_their_fields() {
+    let harness = harness(editing());
+    let first = harness.get_by_label("those of its type").rect().center().y;
+    // The panel Cameras has the same name.
+    let mut labels = harness.get_all_by_label("Cameras");
+    assert!(labels.any(|label| (label.rect().center().y - first).abs() < 3.0));
+}
+
+#[test]
+fn a_driver_is_explained_under_the_mouse() {
+    let mut harness = harness(editing());
+    harness.state_mut().edit.as_mut().unwrap().drivers.push("sinusoid".to_owned());
+    harness.run_steps(2);
+    harness.get_by_role_and_label(Role::ComboBox, "Driver").click();
+    harness.run_steps(4);
+    let place = harness.get_by_label("sinusoid").rect().center();
+    harness.hover_at(place);
+    harness.run_steps(60);
+    harness.get_by_label("A speed that oscillates below the desired one; behind others at most as idm");
+}
+
+#[test]
+fn the_description_of_the_scenario_is_edited() {
+    let mut desk = editing();
+    desk.edit.as_mut().unwrap().description = "Of old".to_owned();
+    let mut harness = harness(desk);
+    harness.get_by_role_and_label(Role::TextInput, "Description").focus();
+    harness.run_steps(2);
+    harness.key_press_modifiers(Modifiers::COMMAND, Key::A);
+    harness.event(egui::Event::Text("A crash".to_owned()));
+    harness.run_steps(2);
+    assert_eq!(actions(&mut harness), []);
+    press(&mut harness, Key::Enter);
+    assert_eq!(actions(&mut harness), [EditAction::Describe("A crash".to_owned())]);
+}
+
+#[test]
+fn a_long_way_round_is_told_beside_its_lane() {
+    let mut desk = editing();
+    let route = ["main-boulevard/west/inner/3", "west-street/south/outer/2"].map(str::to_owned).to_vec();
+    desk.edit.as_mut().unwrap().vehicles[1].route = route;
+    let mut harness = harness(desk);
+    harness.get_by_label_contains("times the straight distance; to west-street/south/inner/3 beside it: ");
+    harness.state_mut().edit.as_mut().unwrap().vehicles[1].route[1] = "west-street/south/inner/3".to_owned();
+    harness.run_steps(2);
+    assert!(harness.query_by_label_contains("times the straight distance").is_none());
 }
 
 #[test]

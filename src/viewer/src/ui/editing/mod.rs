@@ -1,6 +1,9 @@
 //! Making an experiment by hand: vehicles are put on lanes, moved, given routes and removed with the mouse, while the
 //! scenario is checked.
 
+mod detour;
+mod fields;
+mod form;
 mod panel;
 mod tools;
 mod unplaced;
@@ -39,6 +42,8 @@ pub struct EditView<'a> {
     pub file: Option<&'a Path>,
     /// Its name for the user.
     pub name: &'a str,
+    /// What its card says of it.
+    pub description: &'a str,
 }
 
 impl EditView<'_> {
@@ -80,6 +85,8 @@ pub enum EditAction {
     Change(VehicleId, VehicleEdit),
     /// Removes a vehicle.
     Remove(VehicleId),
+    /// Changes the description of the scenario.
+    Describe(String),
     /// Takes the last change back.
     Undo,
     /// Makes the change again that was taken back last.
@@ -117,6 +124,8 @@ pub struct EditState {
     moving: Option<VehicleId>,
     /// The name that is being typed, and whose it is.
     name: Option<(VehicleId, String)>,
+    /// The description that is being typed.
+    description: Option<String>,
 }
 
 impl EditState {

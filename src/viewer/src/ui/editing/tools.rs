@@ -1,5 +1,6 @@
 //! The tools in the city: what clicks and drags do to the edited scenario, and what is drawn for them.
 
+use super::detour::Detour;
 use super::{EditAction, EditTool, push, unplaced};
 use crate::ui::layers::Canvas;
 use crate::ui::overlay;
@@ -111,7 +112,7 @@ pub fn add_overlay(to: &mut Overlay, state: &UiState, shown: &ViewModel<'_>, gro
 }
 
 /// Names the vehicles that cannot start, and writes what the next click does.
-pub fn paint(canvas: &Canvas<'_>, state: &UiState, shown: &ViewModel<'_>) {
+pub fn paint(canvas: &Canvas<'_>, state: &UiState, shown: &ViewModel<'_>, ground: Option<DVec2>) {
     let Some(edit) = &shown.edit else { return };
     unplaced::paint(canvas, shown, edit);
     let selected = state.selection.vehicle.and_then(|id| edit.vehicle(id));
@@ -120,7 +121,17 @@ pub fn paint(canvas: &Canvas<'_>, state: &UiState, shown: &ViewModel<'_>) {
         (EditTool::AddObstacle, _) => "Click where a vehicle is parked in the way. Esc ends".to_owned(),
         (EditTool::AddVehicle, _) => "Click the lane where the vehicle starts. Esc ends".to_owned(),
         (EditTool::DrawRoute, Some(vehicle)) => {
-            format!("Click the next lane of the route of {}. Esc ends", vehicle.name)
+            // A long way round is told before the click that asks for it.
+            let place = lane_at(shown, ground);
+            let detour =
+                place.and_then(|place| Detour::between(shown.map, vehicle.route.last()?, &place.name));
+            match detour {
+                // On two lines, for names of lanes are long.
+                Some(detour) => {
+                    format!("Mind: {}", detour.words(state.preferences.decimal)).replace("; ", "\n")
+                }
+                None => format!("Click the next lane of the route of {}. Esc ends", vehicle.name),
+            }
         }
         (EditTool::DrawRoute | EditTool::Select, _) => return,
     };

@@ -31,6 +31,7 @@ impl ViewerState {
             }
             EditAction::Move { vehicle, lane, at_m } => editor.move_to(vehicle, lane, at_m),
             EditAction::Change(vehicle, change) => editor.change(vehicle, change),
+            EditAction::Describe(description) => editor.describe(&description),
             EditAction::Remove(vehicle) => {
                 editor.remove(vehicle);
                 self.state.selection.vehicle = None;
