@@ -2,12 +2,13 @@
 
 use super::conflicts::{PlannedMotion, RoutePosition, SharedWay};
 use super::cubic::MotionState;
-use super::motion_plan::{DriveStyle, MotionPlan, Piece, ProfileDrive};
+use super::motion_plan::MotionPlan;
 use super::planner::{Heeded, Infeasible, PlanRequest};
+use super::prediction::{predict, predicted_until};
 use super::scheduler::Coordinator;
 use super::zone::{ControlZone, Passage};
 use super::{CoordinationParams, ZoneCounts};
-use crate::{Cav, CavGeometry, STANDS_MPS};
+use crate::{Cav, CavGeometry};
 use std::cell::{Cell, OnceCell};
 
 /// Coordination state of one vehicle.
@@ -59,28 +60,18 @@ const DISTRUSTED_S: f64 = 5.0;
 /// A review drops a plan whose gaps are short by more, seconds.
 const REVIEW_TOLERANCE_S: f64 = 0.1;
 /// Vehicles farther from their conflicts are not heeded, laboratory metres beyond the zone's length.
-const HEEDED_BEYOND_M: f64 = 1.0;
+pub(super) const HEEDED_BEYOND_M: f64 = 1.0;
 /// Plans do not heed a vehicle without a plan that is farther than this from what it shares with them, seconds: what it
 /// will do there is not known yet, and a plan that waits for all that it may do is slower than the rules of the road.
 const PREDICTABLE_S: f64 = 3.0;
-/// A vehicle without a plan may be late by this and a share of the time up to where it leaves the zone, ...
-const LATE_S: f64 = 0.3;
-const LATE_SHARE: f64 = 0.1;
-/// ... but not by more: it is seen again before that.
-const MOST_LATE_S: f64 = 1.5;
-/// One that drives at less than this share of what its route permits will go on slowly, ...
-const SLOW_SHARE: f64 = 0.5;
-/// ... with this share of its largest acceleration at least.
-const SLOW_START_SHARE: f64 = 0.2;
-/// One that stands goes on by then, ...
-const STANDS_FOR_S: f64 = 4.0;
-/// ... with this share of it.
-const START_SHARE: f64 = 0.5;
-
 impl CoordinatedState {
     /// The way through a zone that it is on.
     pub fn passage(&self) -> Option<&Passage> {
         self.inside.map(|(index, _)| &self.passages[index])
+    }
+
+    fn lose_trust(&mut self, now_s: f64) {
+        (self.is_distrusted, self.trusted_from_s) = (true, now_s + DISTRUSTED_S);
     }
 
     /// When its front bumper is planned to be at a place.
@@ -197,7 +188,6 @@ impl ZoneCoordination {
     fn drop_left_plan(&mut self, now_s: f64, cav: &mut Cav) {
         let (axle_s, front_s, speed_mps) = (cav.axle_s(), cav.front_s(), cav.speed_mps());
         let is_lost = cav.is_lost();
-        let obeys = cav.coordination.off_mps <= OBEYS_MPS;
         let state = &mut cav.coordination;
         let (Some(plan), Some(way)) = (&state.plan, state.inside) else { return };
         let planned = plan.at(now_s);
@@ -211,16 +201,16 @@ impl ZoneCoordination {
             return;
         }
         // Who brakes as it is told, for somebody ahead, leaves its plan and is to be trusted.
-        let obeys = !state.follows_plan && obeys;
-        state.distrust = match now_s - state.planned_s < KEEPS_FOR_S {
-            true if obeys => state.distrust,
-            true => state.distrust + 1,
-            false => 0,
-        };
+        let brakes_as_told = !state.follows_plan && state.off_mps <= OBEYS_MPS;
+        if now_s - state.planned_s >= KEEPS_FOR_S {
+            state.distrust = 0;
+        } else if !brakes_as_told {
+            state.distrust += 1;
+        }
         if state.distrust > MOST_DISTRUST || is_lost {
             // It keeps its plans from now on, or one failure is enough.
             state.distrust = MOST_DISTRUST;
-            (state.is_distrusted, state.trusted_from_s) = (true, now_s + DISTRUSTED_S);
+            state.lose_trust(now_s);
         }
         let way = &state.passages[way.0];
         self.counts[way.zone].replans += 1;
@@ -267,7 +257,7 @@ fn note_obedience(now_s: f64, cav: &mut Cav) {
     state.off_mps += (off_mps - state.off_mps) * passed_s / OBEYS_OVER_S;
     state.noted_s = now_s;
     if state.off_mps > OBEYS_MPS {
-        (state.is_distrusted, state.trusted_from_s) = (true, now_s + DISTRUSTED_S);
+        state.lose_trust(now_s);
     }
 }
 
@@ -423,43 +413,6 @@ fn gives_way(cav: &Cav, to: &Cav) -> bool {
     let is_admitted = cav.passage.admissions.iter().any(|admission| in_zone(admission.section));
     let by_rank = rank(cav).zip(rank(to)).is_some_and(|(own, other)| own > other);
     !is_admitted && (cav.defers_to_plans() || by_rank)
-}
-
-/// Front-axle centre at the end of a prediction.
-fn predicted_until(cav: &Cav, way: &Passage) -> f64 {
-    (way.end_axle_s(cav.body) + HEEDED_BEYOND_M).min(cav.route.length()).max(cav.axle_s() + 0.1)
-}
-
-/// Soonest and latest motion of a vehicle without a plan, up to where it leaves the zone.
-fn predict(now_s: f64, params: &CoordinationParams, cav: &Cav, way: &Passage) -> [MotionPlan; 2] {
-    let speed_mps = cav.speed_mps();
-    let start = MotionState { time_s: now_s, position_m: cav.axle_s(), speed_mps, acceleration_mps2: 0.0 };
-    let end_m = predicted_until(cav, way);
-    let drive = |from_s: f64, cap_mps: f64, accelerating_mps2: f64| {
-        let style = DriveStyle {
-            cap_mps,
-            accelerating_mps2,
-            braking_mps2: cav.driver.min_acceleration_mps2.abs(),
-            hardest_braking_mps2: cav.driver.min_acceleration_mps2.abs(),
-        };
-        let start = MotionState { time_s: from_s, ..start };
-        MotionPlan::new(vec![Piece::Profile(ProfileDrive::new(start, end_m, style, |s| {
-            cav.route.speed_at(s)
-        }))])
-    };
-    let u_max_mps2 = cav.driver.max_acceleration_mps2;
-    let soonest = drive(now_s, f64::INFINITY, u_max_mps2);
-    let latest = if speed_mps < STANDS_MPS {
-        drive(now_s + STANDS_FOR_S, f64::INFINITY, START_SHARE * u_max_mps2)
-    } else if speed_mps < SLOW_SHARE * cav.route.speed_at(start.position_m) {
-        drive(now_s, f64::INFINITY, SLOW_START_SHARE * u_max_mps2)
-    } else {
-        // Who drives is likely to go on, about as fast.
-        let way_s = (end_m - start.position_m) / speed_mps;
-        let late_s = (LATE_S + LATE_SHARE * way_s).min(MOST_LATE_S);
-        drive(now_s, (speed_mps * way_s / (way_s + late_s)).max(params.min_speed_mps), 0.0)
-    };
-    [soonest, latest]
 }
 
 /// A vehicle that asks an algorithm for a plan.

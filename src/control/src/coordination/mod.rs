@@ -18,6 +18,7 @@ pub mod filter;
 mod motion_plan;
 mod planner;
 pub mod platoon;
+mod prediction;
 pub mod queueing;
 mod replacement;
 mod scheduler;
