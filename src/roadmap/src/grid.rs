@@ -15,7 +15,7 @@ const LINE_SETBACK_M: f64 = 0.015;
 /// Height of names in the drawing.
 const NAME_HEIGHT_M: f64 = 0.02;
 /// Most roads of each of the two directions.
-const MOST_ROADS: u32 = 30;
+const MOST_ROADS: u32 = 100;
 /// Headings of traffic, in the order of quarter turns to the left.
 const HEADINGS: [&str; 4] = ["east", "north", "west", "south"];
 

@@ -34,10 +34,11 @@ struct Demanded {
 
 /// About 50 vehicles on 10 junctions; ten such cities; 260 and 480 vehicles on 60 and 120 junctions with about the same traffic at each;
 /// and 430 on 100 junctions, where the ways of all meet in the middle.
-const DEMANDED: [Demanded; 5] = [
+const DEMANDED: [Demanded; 6] = [
     Demanded { grid: "2x5", cities: 1, rate_veh_h: 125.0, within_m: f64::INFINITY },
     Demanded { grid: "2x5", cities: 10, rate_veh_h: 125.0, within_m: f64::INFINITY },
     Demanded { grid: "2x30", cities: 1, rate_veh_h: 150.0, within_m: 20.0 },
+    Demanded { grid: "2x60", cities: 1, rate_veh_h: 150.0, within_m: 20.0 },
     Demanded { grid: "4x30", cities: 1, rate_veh_h: 250.0, within_m: 24.0 },
     Demanded { grid: "10x10", cities: 1, rate_veh_h: 250.0, within_m: f64::INFINITY },
 ];

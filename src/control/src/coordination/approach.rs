@@ -1,7 +1,7 @@
 //! The way up to a junction: the cheapest motion that arrives at a given time under the route's speed profile.
 
 use super::cubic::{Cubic, ExitWindow, MotionBounds, MotionState};
-use super::motion_plan::{DriveStyle, Piece, ProfileDrive};
+use super::motion_plan::{DriveStyle, Piece, ProfileDrive, ProfiledWay};
 use crate::{DriverParams, Route};
 
 /// Plans the ways of one vehicle along its route.
@@ -20,8 +20,8 @@ const IN_BEND_MPS: f64 = 0.02;
 const PROFILE_TOLERANCE_MPS: f64 = 1e-6;
 /// Arrivals within this of the wanted one count as it, seconds: a hundredth of a control step.
 const ARRIVAL_TOLERANCE_S: f64 = 2e-4;
-/// Steps of a bisection for the cruising speed.
-const BISECTIONS: usize = 40;
+/// Caps on the speed that are tried for one arrival.
+const MOST_CAPS: usize = 40;
 /// Shares of full acceleration and braking with which a vehicle may drive; the first pair that arrives is taken.
 const PACES: [(f64, f64); 12] = [
     (0.1, 0.06),
@@ -50,6 +50,10 @@ fn cost_of(pieces: &[Piece]) -> f64 {
     pieces.iter().map(Piece::cost).sum()
 }
 
+fn drive_along(way: &ProfiledWay, style: DriveStyle) -> Piece {
+    Piece::Profile(ProfileDrive::new(way, style))
+}
+
 impl<'a> ApproachPlanner<'a> {
     /// A planner that goes no slower than `min_speed_mps`.
     pub fn new(route: &'a Route, driver: &'a DriverParams, min_speed_mps: f64) -> Self {
@@ -71,7 +75,11 @@ impl<'a> ApproachPlanner<'a> {
     }
 
     fn drive(&self, start: MotionState, end_m: f64, style: DriveStyle) -> Piece {
-        Piece::Profile(ProfileDrive::new(start, end_m, style, |s| self.profile(s)))
+        drive_along(&self.way(start, end_m), style)
+    }
+
+    fn way(&self, start: MotionState, end_m: f64) -> ProfiledWay {
+        ProfiledWay::new(start, end_m, |s| self.profile(s))
     }
 
     /// The fastest way to a position.
@@ -129,11 +137,12 @@ impl<'a> ApproachPlanner<'a> {
     /// The way that is the best compromise between time and energy when nobody is in the way: least `beta T + J`, with a
     /// step of [`PACE_STEP_S`] (Xiao and Cassandras 2021, eq. 5). The fastest way where no cubic is feasible.
     pub fn free(&self, start: MotionState, end_m: f64, time_weight: f64) -> Vec<Piece> {
-        let fastest = self.fastest(start, end_m);
+        let way = self.way(start, end_m);
+        let fastest = drive_along(&way, self.style(f64::INFINITY, 1.0, 1.0));
         let soonest_s = fastest.end().time_s;
         let (mut best, mut least) = (vec![fastest.clone()], fastest.cost());
         for (accelerating, braking) in PACES {
-            let drive = self.drive(start, end_m, self.style(f64::INFINITY, accelerating, braking));
+            let drive = drive_along(&way, self.style(f64::INFINITY, accelerating, braking));
             let cost = time_weight * (drive.end().time_s - soonest_s) + drive.cost();
             if cost < least {
                 (best, least) = (vec![drive], cost);
@@ -228,40 +237,57 @@ impl<'a> ApproachPlanner<'a> {
         end_m: f64,
         to_s: f64,
     ) -> impl Iterator<Item = Vec<Piece>> {
-        FIRM_PACES.into_iter().filter_map(move |pace| self.capped_at(start, end_m, to_s, pace))
+        let way = self.way(start, end_m);
+        FIRM_PACES.into_iter().filter_map(move |pace| self.capped_at(&way, to_s, pace))
     }
 
     /// Under a cap on the speed, at the gentlest pace that arrives.
     fn capped(&self, start: MotionState, end_m: f64, to_s: f64) -> Option<Vec<Piece>> {
-        PACES.into_iter().find_map(|pace| self.capped_at(start, end_m, to_s, pace))
+        let way = self.way(start, end_m);
+        PACES.into_iter().find_map(|pace| self.capped_at(&way, to_s, pace))
     }
 
-    /// Under a cap on the speed, found by bisection.
+    /// Under a cap on the speed, found by the Illinois method: times of arrival are nearly linear in the inverse of the cap.
     fn capped_at(
         &self,
-        start: MotionState,
-        end_m: f64,
+        way: &ProfiledWay,
         to_s: f64,
         (accelerating, braking): (f64, f64),
     ) -> Option<Vec<Piece>> {
-        let with_cap = |cap_mps| self.drive(start, end_m, self.style(cap_mps, accelerating, braking));
-        let (mut low_mps, mut high_mps) = (self.min_speed_mps, self.driver.desired_speed_mps);
-        let arrives_s = |cap_mps| with_cap(cap_mps).end().time_s;
-        let is_too_soon = arrives_s(low_mps) < to_s - ARRIVAL_TOLERANCE_S;
-        if is_too_soon || arrives_s(high_mps) > to_s + ARRIVAL_TOLERANCE_S {
-            return None;
-        }
-        for _ in 0..BISECTIONS {
-            let cap_mps = (low_mps + high_mps) / 2.0;
-            let piece = with_cap(cap_mps);
-            if (piece.end().time_s - to_s).abs() < ARRIVAL_TOLERANCE_S {
+        // The drive at a pace in seconds for a metre, and by how much it is late.
+        let at_pace = |pace: f64| {
+            let piece = drive_along(way, self.style(1.0 / pace, accelerating, braking));
+            let late_s = piece.end().time_s - to_s;
+            (piece, late_s)
+        };
+        let arrives = |late_s: f64| late_s.abs() < ARRIVAL_TOLERANCE_S;
+        let mut fast = (1.0 / self.driver.desired_speed_mps, 0.0);
+        let mut slow = (1.0 / self.min_speed_mps, 0.0);
+        for (bound, sign) in [(&mut fast, 1.0), (&mut slow, -1.0)] {
+            let (piece, late_s) = at_pace(bound.0);
+            if arrives(late_s) {
                 return Some(vec![piece]);
             }
-            if piece.end().time_s > to_s {
-                low_mps = cap_mps;
-            } else {
-                high_mps = cap_mps;
+            if late_s * sign > 0.0 {
+                return None;
             }
+            bound.1 = late_s;
+        }
+        // Lateness of the last pace; the bound that stays a second time counts half, so that both close in.
+        let mut before_s = 0.0;
+        for _ in 0..MOST_CAPS {
+            let pace = fast.0 - fast.1 * (slow.0 - fast.0) / (slow.1 - fast.1);
+            let (piece, late_s) = at_pace(pace);
+            if arrives(late_s) {
+                return Some(vec![piece]);
+            }
+            let stays = if late_s * before_s > 0.0 { 0.5 } else { 1.0 };
+            if late_s > 0.0 {
+                (slow, fast.1) = ((pace, late_s), fast.1 * stays);
+            } else {
+                (fast, slow.1) = ((pace, late_s), slow.1 * stays);
+            }
+            before_s = late_s;
         }
         None
     }

@@ -2,7 +2,8 @@
 
 use super::cubic::{Cubic, MotionState};
 
-/// A drive under a speed profile: constant acceleration between neighbouring nodes.
+/// A drive under a speed profile: constant acceleration between neighbouring nodes. Few nodes keep it in the processor's
+/// caches, where every control step looks it up.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ProfileDrive {
     nodes: Vec<Node>,
@@ -28,26 +29,96 @@ pub struct DriveStyle {
     pub hardest_braking_mps2: f64,
 }
 
-/// Distance of nodes, as of the route's speed profile.
+/// Distance of samples, as of the route's speed profile.
 const STEP_M: f64 = 0.02;
 /// A drive does not get slower: it would never arrive.
 const LEAST_MPS: f64 = 1e-3;
 
-/// Nodes at the positions of the profile's samples, and at both ends.
-fn nodes_between(start: MotionState, end_m: f64) -> Vec<Node> {
-    let mut node = Node {
-        time_s: start.time_s,
-        position_m: start.position_m,
-        speed_mps: start.speed_mps.max(LEAST_MPS),
-    };
-    let count = ((end_m - node.position_m) / STEP_M).max(0.0) as usize + 3;
-    let mut nodes = Vec::with_capacity(count);
-    nodes.push(node);
-    while node.position_m < end_m - STEP_M * 1e-6 {
-        node.position_m = (whole(node.position_m / STEP_M + 1e-6) * STEP_M + STEP_M).min(end_m);
-        nodes.push(node);
+/// A way under a speed profile: its start, and from there what the profile permits at each of its samples and at the end.
+#[derive(Clone, Debug)]
+pub struct ProfiledWay {
+    start: MotionState,
+    /// Positions and permitted speeds.
+    samples: Vec<(f64, f64)>,
+}
+
+impl ProfiledWay {
+    /// The way from a state to a position. `speed_at` is the profile, which can be braked for.
+    pub fn new(start: MotionState, end_m: f64, speed_at: impl Fn(f64) -> f64) -> Self {
+        let mut position_m = start.position_m;
+        let count = ((end_m - position_m) / STEP_M).max(0.0) as usize + 2;
+        let mut samples = Vec::with_capacity(count);
+        while position_m < end_m - STEP_M * 1e-6 {
+            position_m = (whole(position_m / STEP_M + 1e-6) * STEP_M + STEP_M).min(end_m);
+            samples.push((position_m, speed_at(position_m)));
+        }
+        Self { start, samples }
     }
-    nodes
+
+    /// Speeds at the samples, from the last to the first, from which a style keeps profile and cap.
+    fn speeds_to_brake_from(&self, style: DriveStyle) -> Vec<f64> {
+        let mut next: Option<(f64, f64)> = None;
+        let speeds = self.samples.iter().rev().map(|&(position_m, profile_mps)| {
+            let braking = next.map_or(f64::INFINITY, |(next_m, next_mps)| {
+                (next_mps * next_mps + 2.0 * style.braking_mps2 * (next_m - position_m)).sqrt()
+            });
+            let speed_mps = profile_mps.min(style.cap_mps).min(braking);
+            next = Some((position_m, speed_mps));
+            speed_mps
+        });
+        speeds.collect()
+    }
+}
+
+/// Builds a drive sample by sample: samples at which the acceleration stays the same make no node.
+#[derive(Debug)]
+struct DriveBuilder {
+    nodes: Vec<Node>,
+    /// The last sample, and the square of its speed.
+    position_m: f64,
+    speed_mps: f64,
+    square: f64,
+    /// Twice the acceleration since the last node; `None` at the start.
+    slope: Option<f64>,
+}
+
+/// Squares of speeds that differ by less are the same, m2/s2.
+const SAME_SQUARE: f64 = 1e-10;
+
+impl DriveBuilder {
+    fn at(start: Node) -> Self {
+        let Node { position_m, speed_mps, .. } = start;
+        Self { nodes: vec![start], position_m, speed_mps, square: speed_mps * speed_mps, slope: None }
+    }
+
+    fn go_on(&mut self, position_m: f64, speed_mps: f64) {
+        let square = speed_mps * speed_mps;
+        let node = self.nodes[self.nodes.len() - 1];
+        let goes_on = self.slope.is_some_and(|slope| {
+            let expected = node.speed_mps * node.speed_mps + slope * (position_m - node.position_m);
+            (square - expected).abs() < SAME_SQUARE
+        });
+        if !goes_on {
+            self.add_node();
+            self.slope = Some((square - self.square) / (position_m - self.position_m));
+        }
+        (self.position_m, self.speed_mps, self.square) = (position_m, speed_mps, square);
+    }
+
+    /// Adds a node at the last sample, unless there is one.
+    fn add_node(&mut self) {
+        let before = self.nodes[self.nodes.len() - 1];
+        let way_m = self.position_m - before.position_m;
+        if way_m > 0.0 {
+            let time_s = before.time_s + 2.0 * way_m / (before.speed_mps + self.speed_mps);
+            self.nodes.push(Node { time_s, position_m: self.position_m, speed_mps: self.speed_mps });
+        }
+    }
+
+    fn end(mut self) -> ProfileDrive {
+        self.add_node();
+        ProfileDrive { nodes: self.nodes }
+    }
 }
 
 /// `f64::floor`, which is a library call for x86-64 processors without SSE 4.1, the target of our builds.
@@ -57,36 +128,30 @@ fn whole(steps: f64) -> f64 {
 }
 
 impl ProfileDrive {
-    /// The drive from a state to a position. `speed_at` is the profile, which can be braked for.
-    pub fn new(start: MotionState, end_m: f64, style: DriveStyle, speed_at: impl Fn(f64) -> f64) -> Self {
-        let mut nodes = nodes_between(start, end_m);
-        let mut next_mps = f64::INFINITY;
-        for k in (1..nodes.len()).rev() {
-            let way_m = nodes.get(k + 1).map_or(0.0, |next| next.position_m - nodes[k].position_m);
-            let braking = (next_mps * next_mps + 2.0 * style.braking_mps2 * way_m).sqrt();
-            let profile_mps = speed_at(nodes[k].position_m);
-            next_mps = profile_mps.min(style.cap_mps).min(braking);
-            // Until its time is known, a node keeps the profile in its place.
-            (nodes[k].speed_mps, nodes[k].time_s) = (next_mps, profile_mps);
-        }
-        for k in 1..nodes.len() {
-            let before = nodes[k - 1];
-            let way_m = nodes[k].position_m - before.position_m;
-            let square = before.speed_mps * before.speed_mps;
+    /// The drive along a way.
+    pub fn new(way: &ProfiledWay, style: DriveStyle) -> Self {
+        let start = way.start;
+        let mut drive = DriveBuilder::at(Node {
+            time_s: start.time_s,
+            position_m: start.position_m,
+            speed_mps: start.speed_mps.max(LEAST_MPS),
+        });
+        let speeds = way.speeds_to_brake_from(style);
+        for (&(position_m, profile_mps), &permitted_mps) in way.samples.iter().zip(speeds.iter().rev()) {
+            let way_m = position_m - drive.position_m;
+            let square = drive.square;
             let fastest = (square + 2.0 * style.accelerating_mps2 * way_m).sqrt();
             let slowest = |braking_mps2: f64| (square - 2.0 * braking_mps2 * way_m).max(0.0).sqrt();
             // A start above what the style permits slows down gently, above the profile as hard as it has to.
-            let profile_mps = nodes[k].time_s;
-            let wanted = nodes[k].speed_mps.max(slowest(style.braking_mps2).min(profile_mps));
+            let wanted = permitted_mps.max(slowest(style.braking_mps2).min(profile_mps));
             let speed_mps = fastest.min(wanted).max(slowest(style.hardest_braking_mps2)).max(LEAST_MPS);
-            nodes[k].speed_mps = speed_mps;
-            nodes[k].time_s = before.time_s + 2.0 * way_m / (before.speed_mps + speed_mps);
+            drive.go_on(position_m, speed_mps);
         }
-        Self { nodes }
+        drive.end()
     }
 
     fn at(&self, time_s: f64) -> MotionState {
-        let after = self.node_after_time(time_s);
+        let after = self.first_beyond(|node| node.time_s > time_s);
         let (from, to) = (self.nodes[after - 1], self.nodes[after]);
         let acceleration_mps2 = (to.speed_mps - from.speed_mps) / (to.time_s - from.time_s);
         let t = time_s - from.time_s;
@@ -98,36 +163,13 @@ impl ProfileDrive {
         }
     }
 
-    /// Index of the first node beyond a time, at least 1 and at most that of the last node. Found from a guess: a bisection
-    /// would touch memory all over the drive.
-    fn node_after_time(&self, time_s: f64) -> usize {
-        let last = self.nodes.len() - 1;
-        let (from_s, to_s) = (self.nodes[0].time_s, self.nodes[last].time_s);
-        let guess = (time_s - from_s) / (to_s - from_s) * last as f64;
-        self.first_beyond(guess, |node| node.time_s > time_s)
-    }
-
-    /// Index of the first node beyond a position, at least 1 and at most that of the last node. Nodes are at whole steps.
-    fn node_after(&self, position_m: f64) -> usize {
-        let steps = position_m / STEP_M - whole(self.nodes[0].position_m / STEP_M);
-        self.first_beyond(steps, |node| node.position_m > position_m)
-    }
-
-    /// Index of the first node that is beyond a place, at least 1 and at most that of the last node, from a guess near it.
-    fn first_beyond(&self, guess: f64, is_beyond: impl Fn(&Node) -> bool) -> usize {
-        let last = self.nodes.len() - 1;
-        let mut after = (guess.max(0.0) as usize).clamp(1, last);
-        while after < last && !is_beyond(&self.nodes[after]) {
-            after += 1;
-        }
-        while after > 1 && is_beyond(&self.nodes[after - 1]) {
-            after -= 1;
-        }
-        after
+    /// Index of the first node beyond a place, at least 1 and at most that of the last node.
+    fn first_beyond(&self, is_beyond: impl Fn(&Node) -> bool) -> usize {
+        self.nodes.partition_point(|node| !is_beyond(node)).clamp(1, self.nodes.len() - 1)
     }
 
     fn time_at(&self, position_m: f64) -> f64 {
-        let after = self.node_after(position_m);
+        let after = self.first_beyond(|node| node.position_m > position_m);
         let (from, to) = (self.nodes[after - 1], self.nodes[after]);
         let way_m = position_m - from.position_m;
         let square = to.speed_mps * to.speed_mps - from.speed_mps * from.speed_mps;
@@ -303,7 +345,7 @@ mod tests {
     #[test]
     fn a_drive_accelerates_to_its_cap_and_goes_on() {
         // 0.2 to 0.35 m/s at 0.1 m/s2: 1.5 s over 0.4125 m, then 0.35 m/s.
-        let drive = ProfileDrive::new(start(0.2), 4.0, style(0.35), |_| 1.0);
+        let drive = ProfileDrive::new(&ProfiledWay::new(start(0.2), 4.0, |_| 1.0), style(0.35));
         let end = Piece::Profile(drive.clone()).end();
         // The step across the end of the acceleration averages: no more than a step's time.
         let exact_s = 3.0 + 1.5 + (4.0 - 1.003 - 0.4125) / 0.35;
@@ -315,7 +357,7 @@ mod tests {
     #[test]
     fn a_drive_brakes_to_a_cap_and_stays_under_a_profile() {
         let profile = |s: f64| if s > 3.0 { 0.15 } else { (0.15 * 0.15 + 0.24 * (3.0 - s)).sqrt() };
-        let drive = ProfileDrive::new(start(0.35), 4.0, style(0.3), profile);
+        let drive = ProfileDrive::new(&ProfiledWay::new(start(0.35), 4.0, profile), style(0.3));
         for pair in drive.nodes.windows(2) {
             assert!(pair[1].speed_mps <= profile(pair[1].position_m) + 1e-12);
             let u = (pair[1].speed_mps - pair[0].speed_mps) / (pair[1].time_s - pair[0].time_s);
@@ -328,7 +370,7 @@ mod tests {
     fn a_delayed_plan_is_the_same_motion_later() {
         let cubic = Cubic::with_free_exit(start(0.3), 3.0, 3.0 + 8.0);
         let mut plan = MotionPlan::new(vec![Piece::Cubic(cubic)]);
-        let drive = ProfileDrive::new(plan.end(), 6.0, style(0.35), |_| 1.0);
+        let drive = ProfileDrive::new(&ProfiledWay::new(plan.end(), 6.0, |_| 1.0), style(0.35));
         plan.push(Piece::Profile(drive));
         let before = plan.clone();
         plan.delay(0.25);
@@ -349,7 +391,7 @@ mod tests {
     #[test]
     fn times_and_positions_of_a_plan_are_inverse_and_it_is_continuous() {
         let cubic = Cubic::with_free_exit(start(0.3), 3.0, 3.0 + 8.0);
-        let drive = ProfileDrive::new(cubic.end(), 4.5, style(0.35), |_| 0.4);
+        let drive = ProfileDrive::new(&ProfiledWay::new(cubic.end(), 4.5, |_| 0.4), style(0.35));
         let plan = MotionPlan::new(vec![Piece::Cubic(cubic), Piece::Profile(drive)]);
         let mut last_m = f64::NEG_INFINITY;
         for k in 0..400 {

@@ -6,6 +6,7 @@ use super::cubic::MotionState;
 use super::motion_plan::{MotionPlan, Piece};
 use super::zone::Passage;
 use crate::{CavGeometry, DriverParams, Route};
+use std::cell::OnceCell;
 
 /// A vehicle that asks for a plan through a control zone.
 #[derive(Clone, Copy, Debug)]
@@ -100,7 +101,17 @@ impl PlanRequest<'_> {
         others: &[Heeded<'_>],
         not_before_s: f64,
     ) -> Result<MotionPlan, Infeasible> {
-        let search = |waits| self.search(gaps, others, not_before_s, waits);
+        self.plan_from(gaps, others, not_before_s, &OnceCell::new())
+    }
+
+    fn plan_from(
+        &self,
+        gaps: &PlanGaps,
+        others: &[Heeded<'_>],
+        not_before_s: f64,
+        first_free: &OnceCell<Vec<Piece>>,
+    ) -> Result<MotionPlan, Infeasible> {
+        let search = |waits| self.search(gaps, others, not_before_s, waits, first_free);
         let (between, before) = (search(Waits::BetweenSections), search(Waits::BeforeFirst));
         match (between, before) {
             (Ok(between), Ok(before)) => {
@@ -121,11 +132,12 @@ impl PlanRequest<'_> {
         others: &[Heeded<'_>],
         not_before_s: f64,
     ) -> Result<MotionPlan, Infeasible> {
-        let plan = self.plan(gaps, others, not_before_s)?;
+        let first_free = OnceCell::new();
+        let plan = self.plan_from(gaps, others, not_before_s, &first_free)?;
         if others.iter().all(Heeded::is_planned) {
             return Ok(plan);
         }
-        let alone = self.plan(gaps, &[], not_before_s)?;
+        let alone = self.plan_from(gaps, &[], not_before_s, &first_free)?;
         let is_too_late = plan.end().time_s > alone.end().time_s + MOST_LATE_AMONG_HUMANS_S;
         if is_too_late { Err(Infeasible { section: self.passage.sections.start }) } else { Ok(plan) }
     }
@@ -136,9 +148,10 @@ impl PlanRequest<'_> {
         others: &[Heeded<'_>],
         not_before_s: f64,
         waits: Waits,
+        first_free: &OnceCell<Vec<Piece>>,
     ) -> Result<MotionPlan, Infeasible> {
         let sections = self.passage.sections.clone();
-        let mut search = Search { request: self, gaps, others, waits, trials: MOST_TRIALS };
+        let mut search = Search { request: self, gaps, others, waits, trials: MOST_TRIALS, first_free };
         // Of each section, no sooner than this.
         let mut earliest = vec![f64::NEG_INFINITY; sections.len()];
         if let Some(first) = earliest.first_mut() {
@@ -215,6 +228,8 @@ struct Search<'s> {
     waits: Waits,
     /// Arrivals that may still be tried.
     trials: usize,
+    /// The way to the first section ahead with nobody in the way: every search of a request begins with it.
+    first_free: &'s OnceCell<Vec<Piece>>,
 }
 
 impl Search<'_> {
@@ -245,7 +260,9 @@ impl Search<'_> {
             plan.push(planner.through(start, exit_m));
             return if lack(&plan) > GAP_TOLERANCE_S { Err(f64::INFINITY) } else { Ok(plan) };
         }
-        let free = planner.free(start, entry_m, request.time_weight);
+        let find_free = || planner.free(start, entry_m, request.time_weight);
+        let is_first = before.pieces().is_empty();
+        let free = if is_first { self.first_free.get_or_init(find_free).clone() } else { find_free() };
         let free_s = free.last().map_or(start.time_s, |piece| piece.end().time_s);
         let way = SectionWay { planner, before, start, entry_m, exit_m, free, free_s, lack };
         self.soonest(&way, entry)

@@ -3,7 +3,7 @@
 use super::CoordinationParams;
 use super::coordinator::HEEDED_BEYOND_M;
 use super::cubic::MotionState;
-use super::motion_plan::{DriveStyle, MotionPlan, Piece, ProfileDrive};
+use super::motion_plan::{DriveStyle, MotionPlan, Piece, ProfileDrive, ProfiledWay};
 use super::zone::Passage;
 use crate::{Cav, STANDS_MPS};
 
@@ -39,9 +39,8 @@ pub(super) fn predict(now_s: f64, params: &CoordinationParams, cav: &Cav, way: &
             hardest_braking_mps2: cav.driver.min_acceleration_mps2.abs(),
         };
         let start = MotionState { time_s: from_s, ..start };
-        MotionPlan::new(vec![Piece::Profile(ProfileDrive::new(start, end_m, style, |s| {
-            cav.route.speed_at(s)
-        }))])
+        let way = ProfiledWay::new(start, end_m, |s| cav.route.speed_at(s));
+        MotionPlan::new(vec![Piece::Profile(ProfileDrive::new(&way, style))])
     };
     let u_max_mps2 = cav.driver.max_acceleration_mps2;
     let soonest = drive(now_s, f64::INFINITY, u_max_mps2);
