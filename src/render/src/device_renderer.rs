@@ -3,7 +3,7 @@
 
 use super::atlas::Atlas;
 use super::daylight::Light;
-use super::fleet::{FleetRenderer, VisibleVehicle};
+use super::fleet::{FleetRenderer, OwnVehicle, VisibleVehicle};
 use super::frustum::{Frustum, PixelScale};
 use super::geometry::DrawBucket;
 use super::gpu_timer::GpuTimer;
@@ -477,9 +477,11 @@ impl DeviceRenderer {
     /// Culls the static scene and the vehicles for each view and uploads the index lists.
     fn cull_views(&mut self, views: &[View]) -> Vec<VisibleSet> {
         let mut lists = IndexLists::default();
-        let visible_rows: Vec<u32> = views.iter().map(|view| self.fleet.visible_rows(view)).collect();
-        let cull = |(view, visible_rows)| self.cull_view(view, visible_rows, &mut lists);
-        let visible: Vec<VisibleSet> = views.iter().zip(visible_rows).map(cull).collect();
+        let device = &self.context.device;
+        let own: Vec<Option<OwnVehicle>> =
+            views.iter().map(|view| self.fleet.own_vehicle(device, view)).collect();
+        let cull = |(view, own): (&View, Option<OwnVehicle>)| self.cull_view(view, own.as_ref(), &mut lists);
+        let visible: Vec<VisibleSet> = views.iter().zip(own).map(cull).collect();
         let count = |visible: &VisibleSet| {
             self.static_scene.triangles(&visible.ranges) + self.fleet.triangles(&visible.vehicles)
         };
@@ -488,7 +490,8 @@ impl DeviceRenderer {
         visible
     }
 
-    fn cull_view(&self, view: &View, visible_rows: u32, lists: &mut IndexLists) -> VisibleSet {
+    fn cull_view(&self, view: &View, own: Option<&OwnVehicle>, lists: &mut IndexLists) -> VisibleSet {
+        let visible_rows = own.map_or(view.extent[1], |own| own.visible_rows);
         let in_full = view.clip_from_world();
         let clip_from_world = in_full.as_mat4();
         let whole = Frustum::new(&clip_from_world);
@@ -511,7 +514,7 @@ impl DeviceRenderer {
             },
         };
         let ranges = self.static_scene.cull(&cull, lists);
-        let vehicles = self.fleet.visible_vehicles(&CullContext { frustum: &whole, ..cull }, view.carrier);
+        let vehicles = self.fleet.visible_vehicles(&CullContext { frustum: &whole, ..cull }, own);
         VisibleSet { vehicles, ranges, visible_rows }
     }
 

@@ -1,51 +1,81 @@
-//! Ego occlusion mask: the bottom rows of an onboard camera's picture that the carrier's own body covers entirely. The
-//! body is rasterised on the CPU; nothing else is drawn in those rows.
+//! What an onboard camera sees of its carrier: the triangles of the body that are drawn, and the bottom rows of the picture
+//! that it covers entirely. The body is rasterised on the CPU; nothing else is drawn in those rows.
 
-use glam::{Mat4, Vec2, Vec4};
+use glam::{Mat4, Vec2, Vec3, Vec4};
 
 /// Rows kept visible beyond the first covered row, against rounding.
 const MARGIN_ROWS: u32 = 2;
 /// Software adapters rasterise blocks of this many rows.
 const BLOCK_ROWS: u32 = 4;
-/// Projections whose entries differ by less share a mask: a tenth of a pixel.
+/// Projections whose entries differ by less share a view: a tenth of a pixel.
 const PROJECTION_TOLERANCE: f32 = 1e-4;
 /// Capacity of the cache, per vehicle mesh.
-const MAX_CACHED_MASKS: usize = 256;
+const MAX_CACHED_VIEWS: usize = 256;
+/// Margins of what may be seen: as a share of half the picture, and of the product of three distances.
+const EDGE_MARGIN: f32 = 0.01;
+const FACING_MARGIN: f32 = 1e-3;
 
-/// Cache of ego occlusion masks: one for each camera that vehicles of one mesh carried.
-#[derive(Clone, Debug, Default)]
-pub(super) struct EgoOcclusionMask {
-    known: Vec<CachedMask>,
+/// What cameras see of the vehicles of one mesh that carried them, with what is kept to draw it.
+#[derive(Clone, Debug)]
+pub(super) struct EgoViews<T> {
+    known: Vec<EgoView<T>>,
 }
 
-#[derive(Clone, Copy, Debug)]
-struct CachedMask {
+/// What a camera sees of its carrier.
+#[derive(Clone, Debug)]
+pub(super) struct EgoView<T> {
     clip_from_body: Mat4,
     extent: [u32; 2],
-    visible_rows: u32,
+    /// Number of rows from the top that the carrier does not cover entirely.
+    pub(super) visible_rows: u32,
+    /// Made of the triangles in the picture that may face the camera.
+    pub(super) drawn: T,
 }
 
-impl EgoOcclusionMask {
-    /// Number of rows from the top that the vehicle does not cover entirely. `triangles` are in clip coordinates.
-    pub(super) fn visible_rows<I: Iterator<Item = [Vec4; 3]>>(
+impl<T> Default for EgoViews<T> {
+    fn default() -> Self {
+        Self { known: Vec::new() }
+    }
+}
+
+impl<T> EgoViews<T> {
+    /// What a camera sees. `triangles` are in clip coordinates; `keep` gets the numbers of those that it may see.
+    pub(super) fn of<I: Iterator<Item = [Vec4; 3]>>(
         &mut self,
         clip_from_body: Mat4,
         extent: [u32; 2],
         triangles: impl FnOnce() -> I,
-    ) -> u32 {
-        let is_same = |known: &&CachedMask| {
+        keep: impl FnOnce(&[usize]) -> T,
+    ) -> &EgoView<T> {
+        let is_same = |known: &EgoView<T>| {
             known.extent == extent && known.clip_from_body.abs_diff_eq(clip_from_body, PROJECTION_TOLERANCE)
         };
-        if let Some(known) = self.known.iter().find(is_same) {
-            return known.visible_rows;
-        }
-        let visible_rows = visible_rows(triangles(), extent);
-        if self.known.len() == MAX_CACHED_MASKS {
-            self.known.remove(0);
-        }
-        self.known.push(CachedMask { clip_from_body, extent, visible_rows });
-        visible_rows
+        let index = self.known.iter().position(is_same).unwrap_or_else(|| {
+            let triangles: Vec<[Vec4; 3]> = triangles().collect();
+            let seen: Vec<usize> = (0..triangles.len()).filter(|&k| may_be_seen(&triangles[k])).collect();
+            let visible_rows = visible_rows(triangles.into_iter(), extent);
+            if self.known.len() == MAX_CACHED_VIEWS {
+                self.known.remove(0);
+            }
+            self.known.push(EgoView { clip_from_body, extent, visible_rows, drawn: keep(&seen) });
+            self.known.len() - 1
+        });
+        &self.known[index]
     }
+}
+
+/// Whether some part of a triangle may be in the picture with its front: not beyond one of its edges, behind the eye or
+/// turned away, each by a margin for cameras that share a view.
+fn may_be_seen(triangle: &[Vec4; 3]) -> bool {
+    let beyond = |side: &dyn Fn(&Vec4) -> f32| triangle.iter().all(|at| side(at) > EDGE_MARGIN * at.w.abs());
+    let is_outside = beyond(&|at| at.x - at.w)
+        || beyond(&|at| -at.x - at.w)
+        || beyond(&|at| at.y - at.w)
+        || beyond(&|at| -at.y - at.w)
+        || triangle.iter().all(|at| at.w < 0.0);
+    let [a, b, c] = triangle.map(|at| Vec3::new(at.x, at.y, at.w));
+    let facing = a.dot(b.cross(c));
+    !is_outside && facing > -FACING_MARGIN * a.length() * b.length() * c.length()
 }
 
 /// Rasterises the front faces and counts the rows above the covered block at the bottom.
@@ -107,7 +137,7 @@ fn rasterize(outline: &[Vec2], covered: &mut [bool], width: usize) {
 mod tests {
     use super::*;
     use city3d_sensors::{Extrinsics, Lens, View};
-    use glam::{DVec3, Vec3};
+    use glam::DVec3;
 
     /// Upright rectangle that faces the eye, which is 1.4 m above the ground and looks along x.
     fn sheet(x: f32, [low, high]: [f32; 2], half_width: f32) -> Vec<[Vec3; 3]> {
@@ -121,7 +151,7 @@ mod tests {
         let eye = DVec3::new(0.0, 0.0, 1.4);
         let clip = View::new(Extrinsics::looking_at(eye, eye + DVec3::X), &lens).clip_from_world().as_mat4();
         let triangles = || faces.iter().map(|face| face.map(|at| clip * at.extend(1.0)));
-        EgoOcclusionMask::default().visible_rows(clip, lens.extent, triangles)
+        EgoViews::default().of(clip, lens.extent, triangles, |_| ()).visible_rows
     }
 
     #[test]
@@ -150,19 +180,42 @@ mod tests {
 
     #[test]
     fn a_camera_is_known_again_and_another_is_not() {
-        let mut masks = EgoOcclusionMask::default();
+        let mut views = EgoViews::default();
+        let mut rows = |clip: Mat4, extent: [u32; 2], triangle: Option<[Vec4; 3]>| {
+            views.of(clip, extent, || triangle.into_iter(), |_| ()).visible_rows
+        };
         let clip = Mat4::IDENTITY;
-        let none = || std::iter::empty::<[Vec4; 3]>();
-        assert_eq!(masks.visible_rows(clip, [8, 8], none), 8);
-        let full_triangle =
+        assert_eq!(rows(clip, [8, 8], None), 8);
+        let full =
             [Vec4::new(-9.0, -9.0, 0.5, 1.0), Vec4::new(9.0, -9.0, 0.5, 1.0), Vec4::new(0.0, 90.0, 0.5, 1.0)];
-        let full = || std::iter::once(full_triangle);
-        assert_eq!(masks.visible_rows(Mat4::from_translation(Vec3::splat(1e-5)), [8, 8], full), 8);
-        assert_eq!(masks.visible_rows(Mat4::from_translation(Vec3::splat(1e-2)), [8, 8], full), 4);
-        assert_eq!(masks.visible_rows(clip, [8, 4], full), 4);
-        for k in 0..2 * MAX_CACHED_MASKS {
-            masks.visible_rows(Mat4::from_translation(Vec3::splat(k as f32)), [8, 8], none);
+        assert_eq!(rows(Mat4::from_translation(Vec3::splat(1e-5)), [8, 8], Some(full)), 8);
+        assert_eq!(rows(Mat4::from_translation(Vec3::splat(1e-2)), [8, 8], Some(full)), 4);
+        assert_eq!(rows(clip, [8, 4], Some(full)), 4);
+        for k in 0..2 * MAX_CACHED_VIEWS {
+            rows(Mat4::from_translation(Vec3::splat(k as f32)), [8, 8], None);
         }
-        assert_eq!(masks.known.len(), MAX_CACHED_MASKS);
+        assert_eq!(views.known.len(), MAX_CACHED_VIEWS);
+    }
+
+    #[test]
+    fn what_is_beside_behind_or_turned_away_is_not_drawn() {
+        let lens = Lens { extent: [64, 48], ..Lens::default() };
+        let eye = DVec3::new(0.0, 0.0, 1.4);
+        let clip = View::new(Extrinsics::looking_at(eye, eye + DVec3::X), &lens).clip_from_world().as_mat4();
+        let seen = |faces: Vec<[Vec3; 3]>| {
+            let triangles = || faces.iter().map(|face| face.map(|at| clip * at.extend(1.0)));
+            EgoViews::default().of(clip, lens.extent, triangles, <[usize]>::len).drawn
+        };
+        assert_eq!(seen(sheet(2.0, [1.0, 1.8], 0.5)), 2);
+        // It surrounds the whole picture.
+        assert_eq!(seen(sheet(2.0, [-90.0, 90.0], 90.0)), 2);
+        let turned = sheet(2.0, [1.0, 1.8], 0.5).into_iter().map(|[a, b, c]| [a, c, b]).collect();
+        assert_eq!(seen(turned), 0);
+        assert_eq!(seen(sheet(-2.0, [1.0, 1.8], 0.5)), 0);
+        let aside = sheet(2.0, [1.0, 1.8], 0.5).into_iter().map(|face| face.map(|at| at + Vec3::Y * 3.0));
+        assert_eq!(seen(aside.collect()), 0);
+        // A floor that reaches from behind the eye to far ahead.
+        let [a, b, c] = [(-3.0, 9.0), (-3.0, -9.0), (40.0, 0.0)].map(|(x, y)| Vec3::new(x, y, 0.9));
+        assert_eq!(seen(vec![[a, b, c]]), 1);
     }
 }

@@ -4,7 +4,7 @@
 use super::Context;
 use super::RenderError;
 use super::context::filled_buffer;
-use super::ego_occlusion::EgoOcclusionMask;
+use super::ego_occlusion::EgoViews;
 use super::occlusion_horizon::BoundingCylinder;
 use super::passes::glow::gpu_data::Glow;
 use super::passes::vehicle::gpu_data::Instance;
@@ -50,12 +50,30 @@ struct GpuMeshLod {
 }
 
 /// Vehicle that passed the culling tests of a view, at its selected level of detail.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub(super) struct VisibleVehicle {
     index: usize,
     distance_m: f32,
     level: usize,
     has_wheels: bool,
+    /// Of the vehicle that carries the camera, the part of its body that is seen.
+    own_body: Option<OwnBody>,
+}
+
+/// Triangles of the finest body of a vehicle that a camera on it may see.
+#[derive(Clone, Debug)]
+struct OwnBody {
+    indices: wgpu::Buffer,
+    count: u32,
+}
+
+/// What a camera sees of the vehicle that carries it.
+#[derive(Clone, Debug)]
+pub(super) struct OwnVehicle {
+    id: VehicleId,
+    /// Number of rows from the top that the vehicle does not cover entirely (ego occlusion).
+    pub(super) visible_rows: u32,
+    body: OwnBody,
 }
 
 /// Pose, bounding sphere and lamp states of a vehicle of the snapshot.
@@ -158,8 +176,8 @@ pub(super) struct FleetRenderer {
     /// Vehicles that `instances` has room for.
     capacity: usize,
     placed: Vec<PlacedVehicle>,
-    /// Masks of vehicles that carried cameras.
-    ego_masks: BTreeMap<MeshKey, EgoOcclusionMask>,
+    /// What cameras saw of the vehicles that carried them.
+    ego_views: BTreeMap<MeshKey, EgoViews<OwnBody>>,
     /// Whether instances hold the paint as linear light instead of sRGB.
     is_paint_linear: bool,
 }
@@ -173,7 +191,7 @@ impl FleetRenderer {
             instances: instance_buffer(device, capacity),
             capacity,
             placed: Vec::new(),
-            ego_masks: BTreeMap::new(),
+            ego_views: BTreeMap::new(),
             is_paint_linear,
         }
     }
@@ -182,7 +200,7 @@ impl FleetRenderer {
     pub(super) fn set_model(&mut self, body: BodyType, model: Arc<Model>) {
         self.models.insert(body, model);
         self.meshes.retain(|key, _| key.body() != body);
-        self.ego_masks.retain(|key, _| key.body() != body);
+        self.ego_views.retain(|key, _| key.body() != body);
     }
 
     /// Writes the instances of a snapshot that passed [`check`]: bodies, then wheels, then contact shadows.
@@ -241,22 +259,34 @@ impl FleetRenderer {
         }
     }
 
-    /// Number of rows from the top that the vehicle that carries the camera does not cover entirely (ego occlusion).
-    pub(super) fn visible_rows(&mut self, view: &View) -> u32 {
-        let carrier = self.placed.iter().find(|placed| view.carrier == Some(placed.id));
-        let drawn = carrier.and_then(|placed| Some((placed, &self.meshes.get(&placed.key)?.finest_body)));
-        let Some((placed, body)) = drawn else { return view.extent[1] };
+    /// What a view sees of the vehicle that carries its camera.
+    pub(super) fn own_vehicle(&mut self, device: &wgpu::Device, view: &View) -> Option<OwnVehicle> {
+        let placed = self.placed.iter().find(|placed| view.carrier == Some(placed.id))?;
+        let body = &self.meshes.get(&placed.key)?.finest_body;
         let clip_from_body = (view.clip_from_world() * placed.world_from_body).as_mat4();
         let corner = |k: u32| clip_from_body * Vec3::from(body.vertices[k as usize].position).extend(1.0);
-        let faces = || body.indices.as_chunks::<3>().0.iter().map(|face| face.map(corner));
-        self.ego_masks.entry(placed.key).or_default().visible_rows(clip_from_body, view.extent, faces)
+        let (faces, _) = body.indices.as_chunks::<3>();
+        let corners = || faces.iter().map(|face| face.map(corner));
+        let own_body = |seen: &[usize]| {
+            // The finest body is the first in the buffers of its mesh. A buffer is never empty.
+            let indices: Vec<u32> = seen.iter().flat_map(|&k| faces[k]).collect();
+            let held: &[u32] = if indices.is_empty() { &[0] } else { &indices };
+            let contents = bytemuck::cast_slice(held);
+            OwnBody {
+                indices: filled_buffer(device, "own body", contents, wgpu::BufferUsages::INDEX),
+                count: indices.len() as u32,
+            }
+        };
+        let views = self.ego_views.entry(placed.key).or_default();
+        let seen = views.of(clip_from_body, view.extent, corners, own_body);
+        Some(OwnVehicle { id: placed.id, visible_rows: seen.visible_rows, body: seen.drawn.clone() })
     }
 
     /// Vehicles that pass frustum and occlusion culling, front to back, with their levels of detail.
     pub(super) fn visible_vehicles(
         &self,
         cull: &CullContext<'_>,
-        carrier: Option<VehicleId>,
+        own: Option<&OwnVehicle>,
     ) -> Vec<VisibleVehicle> {
         let mut visible: Vec<VisibleVehicle> = self
             .placed
@@ -267,16 +297,17 @@ impl FleetRenderer {
             .map(|(index, p)| {
                 let distance_m = p.centre.distance(cull.eye);
                 let projected_px = |length_m| cull.pixel_scale.projected_px(length_m, distance_m);
-                let is_carrier = carrier == Some(p.id);
+                let own_body = own.filter(|own| own.id == p.id).map(|own| own.body.clone());
                 let levels = self.meshes.get(&p.key).map_or(&[][..], |mesh| &mesh.levels);
                 let fits =
                     |level: &GpuMeshLod| projected_px(level.error_m) < VEHICLE_LOD_FACTOR * cull.lod_error_px;
                 VisibleVehicle {
                     index,
                     distance_m,
-                    level: if is_carrier { 0 } else { levels.iter().rposition(fits).unwrap_or(0) },
+                    level: levels.iter().rposition(fits).unwrap_or(0),
                     // A camera inside the body would see the wheels through it.
-                    has_wheels: projected_px(2.0 * p.wheel_radius) > MIN_WHEEL_PX && !is_carrier,
+                    has_wheels: projected_px(2.0 * p.wheel_radius) > MIN_WHEEL_PX && own_body.is_none(),
+                    own_body,
                 }
             })
             .collect();
@@ -288,6 +319,9 @@ impl FleetRenderer {
         let indices = |vehicle: &VisibleVehicle| {
             let mesh = self.meshes.get(&self.placed[vehicle.index].key)?;
             let GpuMeshLod { body, wheel, .. } = mesh.levels.get(vehicle.level)?;
+            if let Some(own) = &vehicle.own_body {
+                return Some(own.count as usize);
+            }
             Some(body.len() + if vehicle.has_wheels { 4 * wheel.len() } else { 0 })
         };
         visible.iter().filter_map(indices).sum::<usize>() as u64 / 3
@@ -315,6 +349,11 @@ impl FleetRenderer {
             let index = vehicle.index as u32;
             let Some(GpuMeshLod { body, wheel, .. }) = mesh.levels.get(vehicle.level) else { continue };
             mesh.bind(pass);
+            if let Some(own) = &vehicle.own_body {
+                pass.set_index_buffer(own.indices.slice(..), wgpu::IndexFormat::Uint32);
+                pass.draw_indexed(0..own.count, 0, index..index + 1);
+                continue;
+            }
             pass.draw_indexed(body.clone(), 0, index..index + 1);
             if vehicle.has_wheels && !wheel.is_empty() {
                 let first = count + 4 * index;
