@@ -50,12 +50,63 @@ pub(super) struct StaticScene {
 struct ScenePieces {
     /// Vertices and indices of all pieces at all levels of detail.
     chunks: Vec<GeometryChunk>,
-    objects: Vec<ScenePiece>,
-    ground: Vec<ScenePiece>,
+    objects: PieceGroups,
+    ground: PieceGroups,
     /// Painted lines, drawn with analytic anti-aliasing.
-    lines: Vec<ScenePiece>,
+    lines: PieceGroups,
     /// Occluders.
     walls: Vec<Wall>,
+}
+
+/// Pieces in groups of neighbours of about one size: most groups are culled as a whole.
+#[derive(Debug)]
+struct PieceGroups {
+    groups: Vec<PieceGroup>,
+    /// Group after group.
+    pieces: Vec<NumberedPiece>,
+}
+
+#[derive(Debug)]
+struct PieceGroup {
+    bounds: [Vec3; 2],
+    members: Range<usize>,
+}
+
+/// A piece with its number in the scene.
+#[derive(Debug)]
+struct NumberedPiece {
+    number: u32,
+    piece: ScenePiece,
+}
+
+/// Edges of the cells of groups for pieces up to these sizes, metres.
+const GROUP_CELLS_M: [(f32, f32); 3] = [(30.0, 60.0), (120.0, 240.0), (f32::INFINITY, 960.0)];
+
+impl PieceGroups {
+    fn new(pieces: Vec<ScenePiece>) -> Self {
+        let mut cells: BTreeMap<(usize, [i32; 2]), Vec<NumberedPiece>> = BTreeMap::new();
+        for (number, piece) in (0..).zip(pieces) {
+            let [low, high] = piece.bounds.map(Vec3::truncate);
+            let size_m = (high - low).max_element();
+            let rank = GROUP_CELLS_M.iter().position(|(most_m, _)| size_m <= *most_m).unwrap_or(0);
+            let cell = ((low + high) / 2.0 / GROUP_CELLS_M[rank].1).floor().as_ivec2().to_array();
+            cells.entry((rank, cell)).or_default().push(NumberedPiece { number, piece });
+        }
+        let mut grouped = Self { groups: Vec::new(), pieces: Vec::new() };
+        for members in cells.into_values() {
+            let bounds = members.iter().map(|member| member.piece.bounds);
+            let bounds = bounds.reduce(|[low, high], [from, to]| [low.min(from), high.max(to)]);
+            let start = grouped.pieces.len();
+            grouped.pieces.extend(members);
+            let members = start..grouped.pieces.len();
+            grouped.groups.extend(bounds.map(|bounds| PieceGroup { bounds, members }));
+        }
+        grouped
+    }
+
+    fn of(&self, group: &PieceGroup) -> std::slice::Iter<'_, NumberedPiece> {
+        self.pieces[group.members.clone()].iter()
+    }
 }
 
 /// Geometry of a scene prepared for drawing, on the CPU: made once for all devices.
@@ -207,6 +258,7 @@ impl PreparedGeometry {
             finest.all().for_each(|cluster| indices.extend_from_slice(chunk.of(cluster)));
         }
         let chunks = packer.chunks;
+        let [objects, ground, lines] = [objects, ground, lines].map(PieceGroups::new);
         let pieces = ScenePieces { chunks, objects, ground, lines, walls: scene.walls.clone() };
         let instanced = Arc::new(PreparedInstances::new(scene, bucket));
         Self { pieces: Arc::new(pieces), shadow_casters, instanced }
@@ -350,6 +402,8 @@ fn index_buffer(device: &wgpu::Device, size: u64) -> wgpu::Buffer {
 /// Piece that passed the culling tests of a view, at its selected level of detail.
 #[derive(Clone, Copy)]
 struct VisiblePiece<'p> {
+    /// Decides about the order at equal distances.
+    number: u32,
     /// Distance from the eye to the nearest point of its box.
     distance_m: f32,
     /// Distance from the eye that no point of its box exceeds.
@@ -359,47 +413,62 @@ struct VisiblePiece<'p> {
     is_untextured: bool,
 }
 
+fn front_to_back<'p>(pieces: impl Iterator<Item = VisiblePiece<'p>>) -> Vec<VisiblePiece<'p>> {
+    let mut visible: Vec<VisiblePiece<'p>> = pieces.collect();
+    visible.sort_unstable_by(|a, b| a.distance_m.total_cmp(&b.distance_m).then(a.number.cmp(&b.number)));
+    visible
+}
+
 impl CullContext<'_> {
     /// Pieces that pass all culling tests, front to back.
-    fn visible_pieces<'p>(&self, pieces: &'p [ScenePiece]) -> Vec<VisiblePiece<'p>> {
-        let mut visible: Vec<VisiblePiece<'p>> =
-            pieces.iter().filter_map(|piece| self.test_piece(piece)).collect();
-        visible.sort_by(|a, b| a.distance_m.total_cmp(&b.distance_m));
-        visible
+    fn visible_pieces<'p>(&self, pieces: &'p PieceGroups) -> Vec<VisiblePiece<'p>> {
+        let near = |group: &&PieceGroup| {
+            self.frustum.intersects_box(group.bounds) && !self.horizon.hides_box(group.bounds)
+        };
+        let groups = pieces.groups.iter().filter(near);
+        front_to_back(groups.flat_map(|group| pieces.of(group)).filter_map(|piece| self.test_piece(piece)))
     }
 
     /// Pieces of the ground in the frustum, front to back. None is too small to be drawn, and what is hidden is drawn as
     /// coarsely as it goes: a crown or a coarse wall covers a little less than what stands for it as an occluder, and
     /// beside it one would look into nothing.
-    fn visible_ground<'p>(&self, pieces: &'p [ScenePiece]) -> Vec<VisiblePiece<'p>> {
-        let test = |piece: &'p ScenePiece| {
-            let [low, high] = piece.bounds;
-            if !self.frustum.intersects_box(piece.bounds) {
-                return None;
-            }
-            let distance_m = self.eye.clamp(low, high).distance(self.eye);
-            let is_hidden =
-                self.horizon.hides_hull(&piece.top_outline) || self.horizon.hides_box(piece.bounds);
-            let level = if is_hidden {
-                piece.levels.last()
-            } else {
-                piece.levels.get(self.lod(&piece.levels, 1.0, distance_m))
-            };
-            let middle = (low + high) / 2.0;
-            Some(VisiblePiece {
-                distance_m,
-                reach_m: middle.distance(self.eye) + high.distance(middle),
-                level: level?,
-                is_untextured: is_hidden || self.is_untextured(piece, distance_m),
-            })
+    fn visible_ground<'p>(&self, pieces: &'p PieceGroups) -> Vec<VisiblePiece<'p>> {
+        let in_frustum = |group: &&PieceGroup| self.frustum.intersects_box(group.bounds);
+        let groups = pieces.groups.iter().filter(in_frustum);
+        front_to_back(groups.flat_map(|group| {
+            let are_hidden = self.horizon.hides_box(group.bounds);
+            pieces.of(group).filter_map(move |piece| self.test_ground(piece, are_hidden))
+        }))
+    }
+
+    fn test_ground<'p>(&self, piece: &'p NumberedPiece, is_in_hidden: bool) -> Option<VisiblePiece<'p>> {
+        let NumberedPiece { number, piece } = piece;
+        let [low, high] = piece.bounds;
+        if !self.frustum.intersects_box(piece.bounds) {
+            return None;
+        }
+        let distance_m = self.eye.clamp(low, high).distance(self.eye);
+        let is_hidden = is_in_hidden
+            || self.horizon.hides_box(piece.bounds)
+            || self.horizon.hides_hull(&piece.top_outline);
+        let level = if is_hidden {
+            piece.levels.last()
+        } else {
+            piece.levels.get(self.lod(&piece.levels, 1.0, distance_m))
         };
-        let mut visible: Vec<VisiblePiece<'p>> = pieces.iter().filter_map(test).collect();
-        visible.sort_by(|a, b| a.distance_m.total_cmp(&b.distance_m));
-        visible
+        let middle = (low + high) / 2.0;
+        Some(VisiblePiece {
+            number: *number,
+            distance_m,
+            reach_m: middle.distance(self.eye) + high.distance(middle),
+            level: level?,
+            is_untextured: is_hidden || self.is_untextured(piece, distance_m),
+        })
     }
 
     /// Frustum, small-feature and occlusion culling; then the coarsest LOD within the screen-space error.
-    fn test_piece<'p>(&self, piece: &'p ScenePiece) -> Option<VisiblePiece<'p>> {
+    fn test_piece<'p>(&self, piece: &'p NumberedPiece) -> Option<VisiblePiece<'p>> {
+        let NumberedPiece { number, piece } = piece;
         let [low, high] = piece.bounds;
         let distance_m = self.visible_distance_m(piece.bounds)?;
         if self.horizon.hides_hull(&piece.top_outline) {
@@ -409,7 +478,7 @@ impl CullContext<'_> {
         let reach_m = middle.distance(self.eye) + high.distance(middle);
         let level = piece.levels.get(self.lod(&piece.levels, 1.0, distance_m))?;
         let is_untextured = self.is_untextured(piece, distance_m);
-        Some(VisiblePiece { distance_m, reach_m, level, is_untextured })
+        Some(VisiblePiece { number: *number, distance_m, reach_m, level, is_untextured })
     }
 
     /// Distance from the eye to the nearest point of a box that passes frustum, small-feature and occlusion culling.
