@@ -39,11 +39,12 @@ pub(super) fn split_ground(ground: &[SceneObject], of: &dyn Fn(Surface) -> bool)
             found.entry(at).or_default().push(LodMesh { mesh, error_m });
         }
     }
-    let is_of_land = |at: &[i32; 2]| at[0] > COARSE_CELL_OFFSET / 2;
+    let below_m = |at: [i32; 2]| if at[0] > COARSE_CELL_OFFSET / 2 { BELOW_LAND_M } else { BELOW_M };
     let with_stand_in = |(at, mut levels): ([i32; 2], Vec<LodMesh>)| {
-        if is_of_land(&at) {
-            levels.extend(levels.first().map(|level| stand_in(&level.mesh)));
-        }
+        let ground = levels.first().filter(|level| {
+            level.mesh.vertices.first().is_some_and(|vertex| vertex.finish.surface != Surface::Line)
+        });
+        levels.extend(ground.map(|level| stand_in(&level.mesh, below_m(at))));
         levels
     };
     found.into_iter().map(with_stand_in).collect()
@@ -51,13 +52,14 @@ pub(super) fn split_ground(ground: &[SceneObject], of: &dyn Fn(Surface) -> bool)
 
 /// Error of what stands in for hidden ground: so large that nothing else is drawn with it.
 const STAND_IN_M: f32 = 1e9;
-/// So far below the ground it lies: it covers parts of other cells, which may be seen.
-const BELOW_M: f32 = 2.0;
+/// So far below the ground it lies: that of a coarse cell covers parts of other cells, which may be seen.
+const BELOW_LAND_M: f32 = 2.0;
+const BELOW_M: f32 = 0.05;
 
-/// A rectangle that stands in for a coarse cell of the ground where that is hidden.
-fn stand_in(ground: &Mesh) -> LodMesh {
+/// A rectangle that stands in for a cell of the ground where that is hidden.
+fn stand_in(ground: &Mesh, below_m: f32) -> LodMesh {
     let [low, high] = ground.bounds();
-    let z = low.z - BELOW_M;
+    let z = low.z - below_m;
     let mut mesh = Mesh::default();
     if let Some(vertex) = ground.vertices.first() {
         let corners = [(low.x, low.y), (high.x, low.y), (high.x, high.y), (low.x, high.y)];
@@ -214,7 +216,8 @@ mod tests {
         let cells = split_ground(&ground, &|_| true);
         assert_eq!(cells.len(), 3);
         for levels in &cells {
-            assert_eq!(levels.iter().map(|level| level.error_m).collect::<Vec<_>>(), [0.0, 0.1]);
+            let errors: Vec<f32> = levels.iter().map(|level| level.error_m).collect();
+            assert_eq!(errors, [0.0, 0.1, STAND_IN_M]);
             let heights =
                 levels[1].mesh.indices.iter().map(|&k| levels[1].mesh.vertices[k as usize].position.z);
             // Two triangles each, the upper face first.

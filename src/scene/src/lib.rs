@@ -56,7 +56,7 @@ pub struct SceneDescription {
     pub ground: Vec<SceneObject>,
     /// Objects on the ground: buildings, trees, furniture, vehicles; those of the land come last.
     pub objects: Vec<SceneObject>,
-    /// Models that the map places, and people, each once.
+    /// Models that the map places, each once.
     pub instanced: Vec<InstancedObject>,
     /// Opaque walls: occluders for occlusion culling.
     pub walls: Vec<Wall>,
@@ -291,7 +291,7 @@ impl SceneDescription {
         objects.extend(heads);
         let mut instanced = models::place(map, models);
         let posts = people::Posts::of(&objects);
-        instanced.extend(people::people(map, &field, outlines.kerbs(), &posts));
+        let people = people::people(map, &field, outlines.kerbs(), &posts);
         objects.extend(parked::cars(map, &drives));
         objects.retain(|object: &SceneObject| !object.is_empty());
         let sheet = outlines.ground(map, &drives);
@@ -318,7 +318,7 @@ impl SceneDescription {
                 )
             },
         );
-        objects.extend(clocks);
+        objects.extend(clocks.into_iter().chain(people));
         let mut ground = vec![SceneObject { levels: roads }, SceneObject { levels: paint }];
         let mut wear = SceneObject::of_one_level(wear::wear(map, &lanes));
         // From afar plain asphalt suffices.

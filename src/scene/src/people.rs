@@ -1,4 +1,4 @@
-//! People on pavements and benches: a few figures of low-poly limbs, instanced. They are scenery: nothing collides with
+//! People on pavements and benches: a few figures of low-poly limbs. They are scenery: nothing collides with
 //! them, and they stay in their pose.
 
 use super::foliage::limb;
@@ -7,7 +7,7 @@ use super::grounds::{covers, distance_to};
 use super::mesh::{Class, Finish, Mesh, Surface};
 use super::polygon::mitre;
 use super::roads::{RoadField, SHOULDER_M};
-use super::{InstancedObject, SceneObject, hash_to_unit};
+use super::{LodMesh, SceneObject, hash_to_unit};
 use city3d_roadmap::{CityMap, Footprint, SceneryKind};
 use glam::{Affine3A, DVec2, Quat, Vec2, Vec3};
 
@@ -19,8 +19,10 @@ const CLEAR_M: f64 = 0.55;
 /// Seat of a bench, and where on it people sit, along it.
 const SEAT_M: f32 = 0.58;
 const SEATS_M: [f32; 2] = [-0.42, 0.40];
-/// Errors of the coarser levels.
+/// Errors of the coarser levels, of the one without arms, and from which on nobody is drawn: that is how tall people are.
 const COARSER: [(u32, f32); 2] = [(4, 0.03), (3, 0.06)];
+const PLAIN_ERROR_M: f32 = 0.33;
+const UNDRAWN_M: f32 = 1.75;
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Pose {
@@ -120,6 +122,19 @@ fn figure(mesh: &mut Mesh, pose: Pose, outfit: &Outfit, sides: u32) {
     limb(mesh, &crown, sides, hair);
 }
 
+/// A figure far away: legs, trunk and head.
+fn plain_figure(mesh: &mut Mesh, pose: Pose, outfit: &Outfit) {
+    let up = |x: f32, z: f32| Vec3::new(x, 0.0, z);
+    let (legs, hip): (&[(Vec3, f32)], f32) = match pose {
+        Pose::Stand => (&[(Vec3::ZERO, 0.11), (Vec3::new(0.0, 0.0, 0.86), 0.17)], 0.86),
+        Pose::Walk => (&[(Vec3::ZERO, 0.24), (Vec3::new(0.0, 0.0, 0.86), 0.15)], 0.86),
+        Pose::Sit => (&[(Vec3::new(0.42, 0.0, -0.42), 0.13), (Vec3::new(0.3, 0.0, 0.08), 0.17)], 0.0),
+    };
+    limb(mesh, legs, 3, cloth(outfit.trousers));
+    limb(mesh, &[(up(0.0, hip), 0.18), (up(0.0, hip + 0.60), 0.20)], 3, cloth(outfit.coat));
+    limb(mesh, &[(up(0.0, hip + 0.60), 0.07), (up(0.0, hip + 0.89), 0.12)], 3, cloth(outfit.skin));
+}
+
 fn object((pose, outfit): &(Pose, Outfit)) -> SceneObject {
     let drawn = |sides: u32| {
         let mut mesh = Mesh::default();
@@ -130,6 +145,9 @@ fn object((pose, outfit): &(Pose, Outfit)) -> SceneObject {
     for (sides, error_m) in COARSER {
         object.add_level(drawn(sides), error_m);
     }
+    let mut plain = Mesh::default();
+    plain_figure(&mut plain, *pose, outfit);
+    object.add_level(plain, PLAIN_ERROR_M);
     object
 }
 
@@ -157,14 +175,18 @@ pub(super) fn people(
     field: &RoadField,
     kerbs: &[Vec<DVec2>],
     posts: &Posts,
-) -> Vec<InstancedObject> {
-    let mut places: Vec<Vec<Affine3A>> = FIGURES.iter().map(|_| Vec::new()).collect();
+) -> Vec<SceneObject> {
+    let figures: Vec<SceneObject> = FIGURES.iter().map(object).collect();
+    let mut people = Vec::new();
     let mut add = |seed: u32, is_wanted: &dyn Fn(Pose) -> bool, at: Vec3, yaw_rad: f32| {
         let fit: Vec<usize> = (0..FIGURES.len()).filter(|&k| is_wanted(FIGURES[k].0)).collect();
         let chosen = fit[(hash_to_unit(seed, 1) * fit.len() as f32) as usize % fit.len()];
         let scale = 0.93 + 0.12 * hash_to_unit(seed, 2);
         let (size, turn) = (Vec3::splat(scale), Quat::from_rotation_z(yaw_rad));
-        places[chosen].push(Affine3A::from_scale_rotation_translation(size, turn, at));
+        let here = Affine3A::from_scale_rotation_translation(size, turn, at);
+        let mut person = figures[chosen].placed(here, |finish| finish);
+        person.levels.push(LodMesh { mesh: Mesh::default(), error_m: UNDRAWN_M });
+        people.push(person);
     };
     for (ring, seed) in kerbs.iter().zip(0..) {
         for (seed, at, along) in along_kerb(ring, seed) {
@@ -192,8 +214,7 @@ pub(super) fn people(
             }
         }
     }
-    let figures = FIGURES.iter().zip(places).filter(|(_, instances)| !instances.is_empty());
-    figures.map(|(of, instances)| InstancedObject { object: object(of), instances }).collect()
+    people
 }
 
 /// Places behind a kerb with their seeds and the direction of the kerb.
@@ -233,6 +254,7 @@ fn has_room(map: &CityMap, field: &RoadField, posts: &Posts, at: DVec2) -> bool 
 #[cfg(test)]
 mod tests {
     use super::super::SceneDescription;
+    use super::super::mesh::Vertex;
     use super::super::tests::city;
     use super::*;
 
@@ -240,29 +262,35 @@ mod tests {
     fn people_stand_on_pavements_clear_of_lanes_and_walls_and_sit_on_benches() {
         let map = city();
         let scene = SceneDescription::from_map(&map);
-        let is_person = |object: &&InstancedObject| {
-            object.object.levels[0].mesh.vertices[0].finish.class == Class::Person
-        };
+        let people = scene.objects.iter().map(|object| &object.levels[0].mesh);
         let (mut standing, mut sitting) = (0, 0);
-        for at in scene.instanced.iter().filter(is_person).flat_map(|object| &object.instances) {
-            let foot = DVec2::new(f64::from(at.translation.x), f64::from(at.translation.y));
-            let nearest = |kind: SceneryKind| {
+        let is_person = |v: &Vertex| v.finish.class == Class::Person;
+        for figure in people.filter(|mesh| mesh.vertices.first().is_some_and(is_person)) {
+            let nearest = |kind: SceneryKind, at: DVec2| {
                 let of_kind = map.scenery.iter().filter(|piece| piece.kind == kind);
-                of_kind.map(|piece| distance_to(&piece.shape, foot)).fold(f64::INFINITY, f64::min)
+                of_kind.map(|piece| distance_to(&piece.shape, at)).fold(f64::INFINITY, f64::min)
             };
-            if at.translation.z > KERB_M {
+            let [low, high] = figure.bounds();
+            let middle = ((low + high) / 2.0).truncate().as_dvec2();
+            if high.z - low.z < 1.55 {
                 sitting += 1;
-                assert!(nearest(SceneryKind::Bench) < 0.1, "nobody sits at {foot} but on air");
+                assert!(nearest(SceneryKind::Bench, middle) < 0.3, "nobody sits at {middle} but on air");
                 continue;
             }
             standing += 1;
-            assert!(
-                nearest(SceneryKind::Building).min(nearest(SceneryKind::Wall)) > 0.5,
-                "in a wall: {foot}"
-            );
+            for at in figure.vertices.iter().map(|v| v.position.truncate().as_dvec2()) {
+                assert!(
+                    nearest(SceneryKind::Building, at).min(nearest(SceneryKind::Wall, at)) > 0.0,
+                    "in a wall: {at}"
+                );
+            }
             for lane in &map.lanes {
-                let far = lane.curve.at(lane.curve.project(foot).s).pose.position.distance(foot);
-                assert!(far > lane.width_m / 2.0 + 0.4, "{foot} is {far} m from the middle of {}", lane.name);
+                let far = lane.curve.at(lane.curve.project(middle).s).pose.position.distance(middle);
+                assert!(
+                    far > lane.width_m / 2.0 + 0.3,
+                    "{middle} is {far} m from the middle of {}",
+                    lane.name
+                );
             }
         }
         assert!(standing > 150 && sitting > 5, "{standing} stand or walk, {sitting} sit");

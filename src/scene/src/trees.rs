@@ -137,7 +137,7 @@ impl TreePrototypes {
         let tone = if detail.is_in_wood { WOOD_TONE } else { 1.0 };
         if detail.triangles <= TENT_SIDES {
             let tinted = |finish: Finish| choice.tinted(finish).shaded(tone);
-            return add_tent(mesh, &level.mesh, city_from_tree, tinted);
+            return add_tent(mesh, &level.mesh, city_from_tree, detail.stands_for_many, tinted);
         }
         let turn = Mat3::from(city_from_tree.matrix3).inverse().transpose();
         let base = mesh.vertices.len() as u32;
@@ -158,8 +158,18 @@ impl TreePrototypes {
 /// Sides of a tent, the least that stands for a tree.
 pub(super) const TENT_SIDES: usize = 5;
 
-/// Adds a tent as wide and high as a tree: far away its crown is a few pixels.
-fn add_tent(mesh: &mut Mesh, tree: &Mesh, city_from_tree: &Affine3A, tinted: impl Fn(Finish) -> Finish) {
+/// Sides of the canopy of a group of trees, and the radius of its top as a share.
+const CANOPY_SIDES: usize = 4;
+const CANOPY_TOP: f32 = 0.72;
+
+/// Adds a tent as wide and high as a tree, or a canopy with a flat top: far away a crown is a few pixels.
+fn add_tent(
+    mesh: &mut Mesh,
+    tree: &Mesh,
+    city_from_tree: &Affine3A,
+    is_canopy: bool,
+    tinted: impl Fn(Finish) -> Finish,
+) {
     let leaves = || tree.vertices.iter().filter(|v| v.finish.surface != Surface::Wood);
     let Some(leaf) = leaves().next() else { return };
     let low = leaves().map(|v| v.position.z).fold(f32::INFINITY, f32::min);
@@ -175,15 +185,22 @@ fn add_tent(mesh: &mut Mesh, tree: &Mesh, city_from_tree: &Affine3A, tinted: imp
             ..*leaf
         })
     };
-    let top = corner(Vec3::new(0.0, 0.0, high), Vec3::Z);
-    let rim: Vec<u32> = (0..TENT_SIDES)
-        .map(|k| {
-            let (sin, cos) = (std::f32::consts::TAU * k as f32 / TENT_SIDES as f32).sin_cos();
-            corner(Vec3::new(radius * cos, radius * sin, low), Vec3::new(cos, sin, 0.35))
-        })
-        .collect();
-    for k in 0..TENT_SIDES {
-        mesh.indices.extend([top, rim[k], rim[(k + 1) % TENT_SIDES]]);
+    let sides = if is_canopy { CANOPY_SIDES } else { TENT_SIDES };
+    let mut ring = |radius: f32, z: f32, up: f32| -> Vec<u32> {
+        let at = |k: usize| Vec2::from_angle(std::f32::consts::TAU * k as f32 / sides as f32);
+        (0..sides).map(|k| corner((radius * at(k)).extend(z), at(k).extend(up))).collect()
+    };
+    let rim = ring(radius, low, 0.35);
+    if is_canopy {
+        let top = ring(CANOPY_TOP * radius, high, 2.0);
+        for k in 0..sides {
+            let next = (k + 1) % sides;
+            mesh.indices.extend([rim[k], rim[next], top[next], rim[k], top[next], top[k]]);
+        }
+        (2..sides).for_each(|k| mesh.indices.extend([top[0], top[k - 1], top[k]]));
+    } else {
+        let top = corner(Vec3::new(0.0, 0.0, high), Vec3::Z);
+        (0..sides).for_each(|k| mesh.indices.extend([top, rim[k], rim[(k + 1) % sides]]));
     }
 }
 
@@ -193,6 +210,8 @@ pub(super) struct CountryTreeDetail {
     pub(super) triangles: usize,
     /// Without a trunk, and darker than trees that stand alone.
     pub(super) is_in_wood: bool,
+    /// Whether a tent has a flat top, as the canopy of many trees has from afar.
+    pub(super) stands_for_many: bool,
 }
 
 /// Where a tree of the country grows, which decides about its species.

@@ -17,17 +17,21 @@ use std::f32::consts::TAU;
 /// Edges of tiles, the units of culling, from these distances from the town on: houses hide small ones as a whole.
 const TILES_M: [(f64, f64); 3] = [(700.0, 208.0), (280.0, 104.0), (0.0, 52.0)];
 /// Levels of detail: triangles of a tree at most, and how far what is drawn may be from the finest.
-const LEVELS: [(usize, f32); 5] = [(74, 0.0), (30, 0.6), (16, 2.5), (TENT_SIDES, 4.5), (TENT_SIDES, 9.0)];
+const LEVELS: [(usize, f32); 4] = [(74, 0.0), (30, 0.6), (16, 1.8), (TENT_SIDES, 3.0)];
 /// Trees of a wood have no trunks, and the hulls of their crowns reach down to the ground: so much farther off than alone.
-const WOOD_FARTHER: f32 = 2.1;
+const WOOD_FARTHER: f32 = 0.9;
+/// Coarser levels of woods: one crown stands for all in one of so many by so many parts of a tile. Its error as a share of
+/// the part: from the ground, where most cameras are, only heights count that far away.
+const GROUPS: [u32; 3] = [4, 2, 1];
+const GROUP_ERROR: f32 = 0.09;
+/// Crowns reach no farther than this multiple of their radius.
+const BROADEST: f32 = 1.4;
+/// Errors of neighbouring levels differ by this at least.
+const LEAST_STEP_M: f32 = 0.5;
 /// Crowns up to this radius keep to these errors, of broader ones they are larger in proportion.
 const USUAL_M: f32 = 4.5;
-/// In the coarsest level of a wood one tree in so many stands for the others, so much wider.
-const STANDS_FOR: u32 = 3;
-const WIDER: f32 = 1.45;
-/// Levels of what stands alone. From the error of the next one on it is not drawn: it is no taller.
-const LEVELS_ALONE: usize = 4;
-const WOODS_ALONE_M: f32 = 8.0;
+/// From this error on what stands alone is not drawn: it is no taller.
+const ALONE_UNDRAWN_M: f32 = 5.0;
 /// Distances from the town from which trees have no more triangles than these: cameras stay near it.
 const AT_MOST: [(f64, usize); 3] = [(500.0, 16), (160.0, 30), (110.0, 40)];
 /// Plants keep this clear of verges, and of the town.
@@ -56,6 +60,8 @@ const ALONE_WITHIN_M: f64 = 700.0;
 #[derive(Default)]
 struct Tile {
     woods: [Mesh; LEVELS.len()],
+    /// Crowns of its woods.
+    crowns: Vec<Crown>,
     others: [Mesh; LEVELS.len()],
     /// Radius of its broadest crown, metres.
     broadest_m: f32,
@@ -86,6 +92,20 @@ struct CountryTree {
     in_wood: bool,
 }
 
+/// How a tree is drawn, or one that stands for several.
+#[derive(Clone, Copy, Debug)]
+struct Crown {
+    /// Of the foot of the drawing, below the ground.
+    foot: Vec3,
+    seed: u32,
+    habit: Habit,
+    radius_m: f32,
+    /// Height for a crown of radius and height 1.
+    tall_m: f32,
+    in_wood: bool,
+    stands_for_many: bool,
+}
+
 impl CountryTree {
     fn alone(at: DVec2, seed: u32, radius_m: f64) -> Self {
         Self { at, seed, habit: Habit::Open, radius_m, in_wood: false }
@@ -109,8 +129,23 @@ impl Greenery<'_> {
                 self.hedgerow(&mut tiles, ends, seed);
             }
         }
-        let objects = tiles.into_values().flat_map(Tile::objects);
+        let objects = tiles.into_iter().flat_map(|((rank, _), tile)| self.objects_of(tile, TILES_M[rank].1));
         objects.filter(|object| !object.is_empty()).collect()
+    }
+
+    /// The plants of a tile with their levels of detail: woods, and what stands alone.
+    fn objects_of(&self, tile: Tile, edge_m: f64) -> [SceneObject; 2] {
+        let broader = (tile.broadest_m / USUAL_M).max(1.0);
+        let levels = |meshes: [Mesh; LEVELS.len()], farther: f32| {
+            meshes.into_iter().zip(LEVELS).map(move |(mesh, (_, error_m))| (mesh, error_m * farther))
+        };
+        let grouped = GROUPS.map(|parts| {
+            let error_m = GROUP_ERROR * edge_m as f32 / parts as f32;
+            (self.grouped(&tile.crowns, edge_m, parts), error_m)
+        });
+        let woods = levels(tile.woods, WOOD_FARTHER).chain(grouped);
+        let others = levels(tile.others, broader).chain([(Mesh::default(), ALONE_UNDRAWN_M * broader)]);
+        [object(woods), object(others)]
     }
 
     /// Whether a plant may grow at a place, with so much room around it.
@@ -188,38 +223,71 @@ impl Greenery<'_> {
     fn plant(&self, tiles: &mut Tiles, tree: CountryTree) {
         let tile = tiles.entry(self.tile_of(tree.at)).or_default();
         tile.broadest_m = tile.broadest_m.max(tree.radius_m as f32);
+        let crown = self.crown(&tree);
         let levels = if tree.in_wood { &mut tile.woods } else { &mut tile.others };
-        let hash = |salt| hash_to_unit(tree.seed, salt);
-        let turn = Quat::from_rotation_z(TAU * hash(4));
+        let away = self.relief.away_m(tree.at);
+        let at_most =
+            AT_MOST.iter().find(|(from_m, _)| away > *from_m).map_or(LEVELS[0].0, |(_, most)| *most);
+        for (&(triangles, _), mesh) in LEVELS.iter().zip(levels) {
+            self.draw(mesh, &crown, triangles.min(at_most));
+        }
+        if tree.in_wood {
+            tile.crowns.push(crown);
+        }
+    }
+
+    fn crown(&self, tree: &CountryTree) -> Crown {
         // In a wood crowns are rounder than alone, and broad ones no taller than others.
         let low = match (tree.in_wood, tree.radius_m > BROAD_M) {
             (false, _) => 1.0,
             (true, false) => 0.78,
             (true, true) => 0.32,
         };
-        let tall = (0.80 + 0.30 * hash(76)) * low;
-        let radius = tree.radius_m as f32;
+        let CountryTree { at, seed, habit, in_wood, .. } = *tree;
+        let radius_m = tree.radius_m as f32;
+        let tall_m = radius_m * (0.80 + 0.30 * hash_to_unit(seed, 76)) * low;
         // Below the ground, which is level between its corners only; the trees of a wood hide their trunks.
-        let sunk_m = if tree.in_wood { 0.95 * radius * tall } else { 0.3 };
-        let foot = tree.at.as_vec2().extend(self.ground_m(tree.at) - sunk_m);
-        let away = self.relief.away_m(tree.at);
-        let at_most =
-            AT_MOST.iter().find(|(from_m, _)| away > *from_m).map_or(LEVELS[0].0, |(_, most)| *most);
-        for (level, (&(triangles, _), mesh)) in LEVELS.iter().zip(levels).enumerate() {
-            if level >= LEVELS_ALONE && !tree.in_wood {
-                continue;
-            }
-            // A broad crown stands for others at every level.
-            let is_thinned = level >= LEVELS_ALONE && tree.radius_m <= BROAD_M;
-            if is_thinned && !tree.seed.is_multiple_of(STANDS_FOR) {
-                continue;
-            }
-            let wide = if is_thinned { WIDER } else { 1.0 };
-            let scale = Vec3::new(radius * wide, radius * wide, radius * tall);
-            let here = Affine3A::from_scale_rotation_translation(scale, turn, foot);
-            let detail = CountryTreeDetail { triangles: triangles.min(at_most), is_in_wood: tree.in_wood };
-            self.nursery.add_country_tree(mesh, (tree.seed, tree.habit), &here, detail);
+        let sunk_m = if in_wood { 0.95 * tall_m } else { 0.3 };
+        let foot = at.as_vec2().extend(self.ground_m(at) - sunk_m);
+        Crown {
+            foot,
+            seed,
+            habit,
+            radius_m,
+            tall_m,
+            in_wood,
+            stands_for_many: in_wood && tree.radius_m > BROAD_M,
         }
+    }
+
+    fn draw(&self, mesh: &mut Mesh, crown: &Crown, triangles: usize) {
+        let turn = Quat::from_rotation_z(TAU * hash_to_unit(crown.seed, 4));
+        let scale = Vec3::new(crown.radius_m, crown.radius_m, crown.tall_m);
+        let here = Affine3A::from_scale_rotation_translation(scale, turn, crown.foot);
+        let Crown { in_wood: is_in_wood, stands_for_many, .. } = *crown;
+        let detail = CountryTreeDetail { triangles, is_in_wood, stands_for_many };
+        self.nursery.add_country_tree(mesh, (crown.seed, crown.habit), &here, detail);
+    }
+
+    /// The woods of a tile of an edge length with one crown in each of so many parts each way.
+    fn grouped(&self, crowns: &[Crown], edge_m: f64, parts: u32) -> Mesh {
+        let part_m = edge_m as f32 / parts as f32;
+        let mut groups: BTreeMap<[i32; 2], Vec<Crown>> = BTreeMap::new();
+        for crown in crowns {
+            let part = (crown.foot.truncate() / part_m).floor().as_ivec2().to_array();
+            groups.entry(part).or_default().push(*crown);
+        }
+        let mut mesh = Mesh::default();
+        for group in groups.values() {
+            let one = Crown::in_place_of(group);
+            // Not across a road.
+            let (at, room_m) =
+                (one.foot.truncate().as_dvec2(), f64::from(BROADEST * one.radius_m) + OFF_VERGE_M);
+            let is_clear = self.roads.iter().all(|road| road.clearance_m(at, room_m) > room_m);
+            let crowns = if is_clear { std::slice::from_ref(&one) } else { &group[..] };
+            crowns.iter().for_each(|crown| self.draw(&mut mesh, crown, TENT_SIDES));
+        }
+        mesh
     }
 
     fn tile_of(&self, at: DVec2) -> (usize, [i32; 2]) {
@@ -246,7 +314,7 @@ impl Greenery<'_> {
         };
         // In one tile at all levels.
         let tile = tiles.entry(self.tile_of(ends[0].midpoint(ends[1]))).or_default();
-        let [fine, coarse, coarser, coarsest, _] = &mut tile.others;
+        let [fine, coarse, coarser, coarsest] = &mut tile.others;
         for k in (0..last).filter(|&k| stands[k as usize] && stands[k as usize + 1]) {
             draw(fine, k, k + 1, is_fine);
             draw(coarse, k, k + 1, false);
@@ -274,21 +342,37 @@ impl Greenery<'_> {
     }
 }
 
-impl Tile {
-    /// The plants with their levels of detail: woods, and what stands alone.
-    fn objects(self) -> [SceneObject; 2] {
-        let object = |[fine, coarser @ ..]: [Mesh; LEVELS.len()], broader: f32| {
-            let mut object = SceneObject::of_one_level(fine);
-            for (mesh, (_, error_m)) in coarser.into_iter().zip(&LEVELS[1..]) {
-                object.add_level(mesh, error_m * broader);
+/// An object of levels of detail, each coarser than the one before. No error is less than what a level is lower or higher:
+/// from afar nothing else of it shows.
+fn object(levels: impl Iterator<Item = (Mesh, f32)>) -> SceneObject {
+    let mut object = SceneObject::default();
+    for (mesh, nominal_m) in levels {
+        let error_m = match (object.levels.first(), object.levels.last()) {
+            (Some(finest), Some(last)) if mesh.triangle_count() < last.mesh.triangle_count() => {
+                let [tops, feet] = [1, 0].map(|end| [&finest.mesh, &mesh].map(|mesh| mesh.bounds()[end].z));
+                let apart_m =
+                    if mesh.is_empty() { 0.0 } else { (tops[0] - tops[1]).abs().max(feet[0] - feet[1]) };
+                nominal_m.max(last.error_m + LEAST_STEP_M).max(apart_m + LEAST_STEP_M)
             }
-            object
+            (Some(_), Some(_)) => continue,
+            _ => 0.0,
         };
-        let broader = (self.broadest_m / USUAL_M).max(1.0);
-        let (woods, mut others) = (object(self.woods, broader * WOOD_FARTHER), object(self.others, broader));
-        if others.levels.iter().all(|level| level.error_m < WOODS_ALONE_M) {
-            others.levels.push(LodMesh { mesh: Mesh::default(), error_m: WOODS_ALONE_M });
+        object.levels.push(LodMesh { mesh, error_m });
+    }
+    object
+}
+
+impl Crown {
+    /// One that covers as much ground as all of some crowns, as tall as they are in the mean.
+    fn in_place_of(crowns: &[Self]) -> Self {
+        let share = 1.0 / crowns.len() as f32;
+        let area = crowns.iter().map(|crown| crown.radius_m * crown.radius_m).sum::<f32>();
+        Self {
+            foot: crowns.iter().map(|crown| crown.foot * share).sum(),
+            radius_m: area.sqrt(),
+            tall_m: crowns.iter().map(|crown| crown.tall_m * share).sum(),
+            stands_for_many: crowns.len() > 1,
+            ..crowns[0]
         }
-        [woods, others]
     }
 }

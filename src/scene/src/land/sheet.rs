@@ -14,12 +14,12 @@ use spade::Triangulation;
 use spade::handles::FixedVertexHandle;
 
 /// Distances of the rings of corners beyond the patchwork from the town, and where the land ends.
-const RINGS_M: [f64; 8] = [1700.0, 1950.0, 2300.0, 2750.0, 3250.0, 3850.0, 4600.0, 5600.0];
+const RINGS_M: [f64; 7] = [1700.0, 2050.0, 2550.0, 3150.0, 3850.0, 4700.0, 5800.0];
 const END_M: f64 = 9000.0;
-const AROUND: u32 = 60;
+const AROUND: u32 = 44;
 /// Spacing of corners along the boundary of a field. Farther from the town than this fields have none but their own.
 const ALONG_M: f64 = 62.0;
-const FINE_WITHIN_M: f64 = 550.0;
+const FINE_WITHIN_M: f64 = 380.0;
 /// Boundaries end so far in front of a verge.
 const BESIDE_ROAD_M: f64 = 4.0;
 /// So far inside of a wood its ground begins: the trees at its edge hide the edge of that.

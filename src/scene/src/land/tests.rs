@@ -91,6 +91,26 @@ fn covers(t: &[DVec2; 3], at: DVec2) -> bool {
 }
 
 #[test]
+fn coarser_plants_of_the_land_are_as_tall_within_their_error() {
+    let map = city();
+    let land = land_of(&map);
+    let mut levels = 0;
+    for object in objects_of(&map, &land) {
+        let tops = |mesh: &Mesh| mesh.bounds().map(|corner| corner.z);
+        let [low, high] = tops(&object.levels[0].mesh);
+        for level in object.levels[1..].iter().filter(|level| !level.mesh.is_empty()) {
+            let [from, to] = tops(&level.mesh);
+            // Feet are below the ground.
+            assert!((high - to).abs() < level.error_m, "{high} m, {to} m with an error of {}", level.error_m);
+            assert!(from > low - level.error_m, "{low} m, {from} m with an error of {}", level.error_m);
+            levels += 1;
+        }
+        assert!(object.levels.windows(2).all(|pair| pair[0].error_m < pair[1].error_m));
+    }
+    assert!(levels > 1000, "{levels}");
+}
+
+#[test]
 fn nothing_of_the_land_stands_on_a_road_or_in_the_town() {
     for map in [city(), grid("3x2")] {
         let land = land_of(&map);

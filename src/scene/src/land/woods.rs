@@ -12,7 +12,7 @@ pub(super) const SPARSE_FROM_M: f64 = 430.0;
 const WAVES_M: [f64; 2] = [270.0, 62.0];
 const LEVEL: f64 = 0.66;
 /// Spacing of the corners of their ground near the town and far from it, and the band around woods that has some.
-const CORNERS_M: [f64; 2] = [22.0, 75.0];
+const CORNERS_M: [f64; 2] = [30.0, 150.0];
 const BAND: f64 = 0.05;
 
 /// The woods of a land.
