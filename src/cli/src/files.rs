@@ -112,7 +112,8 @@ fn print(summary: &Summary, folder: Option<&Path>) -> Result<(), Failure> {
             v.status.label(),
             v.distance_m,
             v.mean_speed_mps,
-            v.stops,
+            // As the window and `sweep` count them.
+            v.traffic.as_ref().map_or(v.stops, |traffic| traffic.slow_stops),
             v.longest_stand_s,
             v.max_lateral_error_m.map_or_else(|| "-".to_owned(), |error_m| format!("{error_m:.3}"))
         ))?;

@@ -18,8 +18,8 @@ use std::f32::consts::TAU;
 const TILES_M: [(f64, f64); 3] = [(700.0, 208.0), (280.0, 104.0), (0.0, 52.0)];
 /// Levels of detail: triangles of a tree at most, and how far what is drawn may be from the finest.
 const LEVELS: [(usize, f32); 4] = [(74, 0.0), (30, 0.6), (16, 1.8), (TENT_SIDES, 3.0)];
-/// Trees of a wood have no trunks, and the hulls of their crowns reach down to the ground: so much farther off than alone.
-const WOOD_FARTHER: f32 = 0.9;
+/// Woods keep to this share of those errors: their crowns hide one another.
+const WOOD_SHARE: f32 = 0.9;
 /// Coarser levels of woods: one crown stands for all in one of so many by so many parts of a tile. Its error as a share of
 /// the part: from the ground, where most cameras are, only heights count that far away.
 const GROUPS: [u32; 3] = [4, 2, 1];
@@ -136,14 +136,14 @@ impl Greenery<'_> {
     /// The plants of a tile with their levels of detail: woods, and what stands alone.
     fn objects_of(&self, tile: Tile, edge_m: f64) -> [SceneObject; 2] {
         let broader = (tile.broadest_m / USUAL_M).max(1.0);
-        let levels = |meshes: [Mesh; LEVELS.len()], farther: f32| {
-            meshes.into_iter().zip(LEVELS).map(move |(mesh, (_, error_m))| (mesh, error_m * farther))
+        let levels = |meshes: [Mesh; LEVELS.len()], share: f32| {
+            meshes.into_iter().zip(LEVELS).map(move |(mesh, (_, error_m))| (mesh, error_m * share))
         };
         let grouped = GROUPS.map(|parts| {
             let error_m = GROUP_ERROR * edge_m as f32 / parts as f32;
             (self.grouped(&tile.crowns, edge_m, parts), error_m)
         });
-        let woods = levels(tile.woods, WOOD_FARTHER).chain(grouped);
+        let woods = levels(tile.woods, WOOD_SHARE).chain(grouped);
         let others = levels(tile.others, broader).chain([(Mesh::default(), ALONE_UNDRAWN_M * broader)]);
         [object(woods), object(others)]
     }
