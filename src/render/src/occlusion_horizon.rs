@@ -1,18 +1,51 @@
 //! Occlusion culling by an occlusion horizon: the skyline of the walls around an eye (after Downs, Moller and Sequin
 //! 2001, "Occlusion horizons for driving through urban scenery").
 //!
-//! Buckets divide the azimuth around the eye. A bucket keeps distance and slope of the upper edge of the nearest walls
+//! Buckets divide the azimuth around the eye by its diamond angle, which takes no trigonometry: thousands of boxes are
+//! tested for a picture. A bucket keeps distance and slope of the upper edge of the nearest walls
 //! that fill it from side to side. An object on the ground behind such a wall is hidden if it rises no more steeply
 //! than the wall's top. The test is conservative: it never hides anything visible.
 
 use city3d_scene::Wall;
 use glam::{Vec2, Vec3};
-use std::f32::consts::{PI, TAU};
 
+/// A power of two.
 const BUCKETS: usize = 512;
 /// A bucket keeps this many occluders, the nearest.
 const OCCLUDERS_PER_BUCKET: usize = 4;
-const BUCKET_RAD: f32 = TAU / BUCKETS as f32;
+/// Diamond angle of a whole turn, and of a bucket.
+const TURN: f32 = 4.0;
+const BUCKET: f32 = TURN / BUCKETS as f32;
+
+/// Diamond angle of a direction, from -2 to 2: the way along the square with corners on the axes. It grows as the azimuth
+/// does.
+fn diamond_angle(direction: Vec2) -> f32 {
+    let along = direction.y / (direction.x.abs() + direction.y.abs()).max(f32::MIN_POSITIVE);
+    if direction.x >= 0.0 {
+        along
+    } else if direction.y >= 0.0 {
+        TURN / 2.0 - along
+    } else {
+        -TURN / 2.0 - along
+    }
+}
+
+/// A direction with a diamond angle between -2 and 2.
+fn direction_of(angle: f32) -> Vec2 {
+    let turned = angle.abs();
+    Vec2::new(1.0 - turned, if turned <= 1.0 { angle } else { (TURN / 2.0 - turned).copysign(angle) })
+}
+
+/// The same diamond angle between -2 and 2.
+fn wrapped(angle: f32) -> f32 {
+    if angle >= TURN / 2.0 {
+        angle - TURN
+    } else if angle < -TURN / 2.0 {
+        angle + TURN
+    } else {
+        angle
+    }
+}
 
 /// Wall or row of walls that fills a bucket.
 #[derive(Clone, Copy, Debug)]
@@ -53,15 +86,16 @@ pub(super) struct OcclusionHorizon {
     sector: AzimuthSector,
 }
 
-/// Range of azimuths: `half` to either side of `middle`, radians.
+/// Range of azimuths, as diamond angles: so far to the right and to the left of a middle.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct AzimuthSector {
-    pub(super) middle: f32,
-    pub(super) half: f32,
+    middle: f32,
+    right: f32,
+    left: f32,
 }
 
 impl AzimuthSector {
-    pub(super) const ALL: Self = Self { middle: 0.0, half: PI };
+    pub(super) const ALL: Self = Self { middle: 0.0, right: TURN / 2.0, left: TURN / 2.0 };
 
     /// Sector of a view with these rays to the corners of its picture; all azimuths if it looks too far up or down.
     pub(super) fn of_view(rays: &[Vec3; 4]) -> Self {
@@ -71,17 +105,25 @@ impl AzimuthSector {
         let length = |ray: Vec3| 0.3 * ray.length();
         let is_level =
             rays.iter().all(|&ray| ray.truncate().length() > length(ray)) && ahead.length() > length(rays[0]);
-        if is_level && half < 1.4 { Self { middle: ahead.to_angle(), half } } else { Self::ALL }
+        if !is_level || half >= 1.4 {
+            return Self::ALL;
+        }
+        let middle = diamond_angle(ahead);
+        let edge = |turn: f32| wrapped(diamond_angle(Vec2::from_angle(turn).rotate(ahead)) - middle).abs();
+        Self { middle, right: edge(-half), left: edge(half) }
+    }
+
+    fn is_all(self) -> bool {
+        self.right + self.left >= TURN
     }
 
     /// Clips a span of angles relative to an azimuth to the sector.
     fn clip(self, azimuth: f32, [right, left]: [f32; 2]) -> [f32; 2] {
-        let ahead = (self.middle - azimuth + PI).rem_euclid(TAU) - PI;
-        if self.half >= PI {
-            [right, left]
-        } else {
-            [right.max(ahead - self.half), left.min(ahead + self.half)]
+        if self.is_all() {
+            return [right, left];
         }
+        let ahead = wrapped(self.middle - azimuth);
+        [right.max(ahead - self.right), left.min(ahead + self.left)]
     }
 }
 
@@ -125,15 +167,17 @@ impl OcclusionHorizon {
         if rise <= 0.0 || distance_m < 0.05 {
             return;
         }
-        let facing = (to - from).perp().to_angle();
-        let azimuth = to.to_angle();
-        let span = (from.to_angle() - azimuth).rem_euclid(TAU);
+        let facing = (to - from).perp() / length;
+        let azimuth = diamond_angle(to);
+        let span = (diamond_angle(from) - azimuth).rem_euclid(TURN);
         // Azimuths in units of buckets, from right to left.
-        let right = (azimuth + PI) / BUCKET_RAD;
-        let left = right + span / BUCKET_RAD;
+        let right = (azimuth + TURN / 2.0) / BUCKET;
+        let left = right + span / BUCKET;
         let occluder = |right: f32, left: f32| {
-            let distances =
-                [right, left].map(|at| distance_m / (at * BUCKET_RAD - PI - facing).cos().max(1e-3));
+            let distances = [right, left].map(|at| {
+                let direction = direction_of((at * BUCKET).rem_euclid(TURN) - TURN / 2.0);
+                distance_m / (direction.dot(facing) / direction.length()).max(1e-3)
+            });
             let distance_m = distances[0].max(distances[1]);
             Occluder { distance_m, slope: rise / distance_m }
         };
@@ -179,8 +223,15 @@ impl OcclusionHorizon {
         let offset = cylinder.middle - self.eye.truncate();
         let distance = offset.length();
         let [near, far] = [distance - cylinder.radius_m, distance + cylinder.radius_m];
-        let half = (cylinder.radius_m / distance).asin();
-        self.hides_span(offset.to_angle(), [-half, half], near, self.max_slope(cylinder.top_m, near, far))
+        let slope = self.max_slope(cylinder.top_m, near, far);
+        let middle = diamond_angle(offset);
+        if self.is_open_towards(middle, near, slope) {
+            return false;
+        }
+        let sin = cylinder.radius_m / distance;
+        let aside = offset.perp() * (sin / (1.0 - sin * sin).max(1e-6).sqrt());
+        let span = [offset - aside, offset + aside].map(|edge| wrapped(diamond_angle(edge) - middle));
+        self.hides_span(middle, span, near, slope)
     }
 
     /// Whether everything in a box on the ground is certainly hidden.
@@ -190,11 +241,15 @@ impl OcclusionHorizon {
         let corners = [low, Vec2::new(high.x, low.y), high, Vec2::new(low.x, high.y)].map(|at| at - eye);
         let near = eye.clamp(low, high).distance(eye);
         let far = corners.iter().map(|corner| corner.length()).fold(0.0, f32::max);
+        let slope = self.max_slope(top_m, near, far);
+        let middle = diamond_angle((low + high) / 2.0 - eye);
+        if self.is_open_towards(middle, near, slope) {
+            return false;
+        }
         // From an eye outside a box spans less than half a turn.
-        let middle = (low + high) / 2.0 - eye;
-        let turns = corners.map(|corner| middle.angle_to(corner));
+        let turns = corners.map(|corner| wrapped(diamond_angle(corner) - middle));
         let span = [turns.into_iter().fold(0.0, f32::min), turns.into_iter().fold(0.0, f32::max)];
-        self.hides_span(middle.to_angle(), span, near, self.max_slope(top_m, near, far))
+        self.hides_span(middle, span, near, slope)
     }
 
     /// Slope of the steepest ray to a point no higher than `top_m` between two distances.
@@ -223,26 +278,47 @@ impl OcclusionHorizon {
             near = near.min(distance);
             slope = slope.max((top.z - self.eye.z) / distance);
         }
-        let span = [right.atan(), left.atan()];
-        // A point between two corners may be nearer than either, and steeper.
-        let between = ((span[1] - span[0]) / 2.0).cos();
+        let azimuth = diamond_angle(middle);
+        if self.is_open_towards(azimuth, near, slope) {
+            return false;
+        }
+        // A point between two corners may be nearer than either, and steeper: by the cosine of half the angle that they
+        // are apart.
+        let lengths = ((1.0 + right * right) * (1.0 + left * left)).sqrt();
+        let between = (((1.0 + right * left) / lengths + 1.0) / 2.0).max(0.0).sqrt();
         let slope = if slope > 0.0 { slope / between } else { slope };
-        self.hides_span(middle.to_angle(), span, near * between, slope)
+        let edges = [right, left].map(|aside| middle + middle.perp() * aside);
+        let span = edges.map(|edge| wrapped(diamond_angle(edge) - azimuth));
+        self.hides_span(azimuth, span, near * between, slope)
+    }
+
+    /// Whether something no nearer than `near` and no steeper than `slope` is to be seen in a direction: most things are
+    /// found visible by one look, without their outlines.
+    fn is_open_towards(&self, azimuth: f32, near: f32, slope: f32) -> bool {
+        let [right, left] = self.sector.clip(azimuth, [0.0; 2]);
+        near < NEAREST_M || (right <= left && !self.hides_at(bucket_of(azimuth), near, slope))
     }
 
     /// Whether everything in a span of angles relative to an azimuth, no nearer than `near` and no steeper than
     /// `slope`, is hidden.
     fn hides_span(&self, azimuth: f32, span: [f32; 2], near: f32, slope: f32) -> bool {
-        if near < 0.1 {
-            return false;
-        }
         let [right, left] = self.sector.clip(azimuth, span);
-        let bucket_of = |turn: f32| ((azimuth + turn + PI) / BUCKET_RAD).floor() as i64;
-        (bucket_of(right)..=bucket_of(left)).all(|k| {
-            let bucket = &self.buckets[k.rem_euclid(BUCKETS as i64) as usize];
-            bucket.iter().any(|occluder| occluder.distance_m < near && occluder.slope > slope)
-        })
+        near >= NEAREST_M
+            && (bucket_of(azimuth + right)..=bucket_of(azimuth + left)).all(|k| self.hides_at(k, near, slope))
     }
+
+    fn hides_at(&self, bucket: i32, near: f32, slope: f32) -> bool {
+        let occluders = &self.buckets[bucket.rem_euclid(BUCKETS as i32) as usize];
+        occluders.iter().any(|occluder| occluder.distance_m < near && occluder.slope > slope)
+    }
+}
+
+/// Nearer things are never hidden.
+const NEAREST_M: f32 = 0.1;
+
+/// Number of the bucket of an azimuth, which may be some turns off.
+fn bucket_of(azimuth: f32) -> i32 {
+    ((azimuth + TURN / 2.0) / BUCKET).floor() as i32
 }
 
 /// Whether segments fill a bucket without a gap.
@@ -276,6 +352,19 @@ fn insert_occluder(bucket: &mut [Occluder; OCCLUDERS_PER_BUCKET], new: Occluder)
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::f32::consts::TAU;
+
+    #[test]
+    fn diamond_angles_grow_with_the_azimuth_and_lead_back_to_their_direction() {
+        let mut last = -TURN / 2.0;
+        for k in 1..720 {
+            let direction = Vec2::from_angle(k as f32 / 720.0 * TAU - TAU / 2.0) * 7.0;
+            let angle = diamond_angle(direction);
+            assert!(angle > last && angle < TURN / 2.0, "{k}: {angle}");
+            assert!(direction_of(angle).angle_to(direction).abs() < 1e-3, "{k}");
+            last = angle;
+        }
+    }
 
     /// A block of 20 by 10 metres, 8 high, 20 m north of the origin.
     fn block() -> Vec<Wall> {
@@ -332,15 +421,20 @@ mod tests {
         for k in 0..12 {
             let turn = glam::Quat::from_rotation_z(k as f32 * TAU / 12.0 + 0.01);
             let sector = AzimuthSector::of_view(&view.map(|ray| turn * ray));
-            assert!((sector.half - 0.4_f32.atan()).abs() < 1e-4, "{sector:?}");
-            let [right, left] = sector.clip(sector.middle + 0.3, [-1.0, 1.0]);
-            assert!((left - (sector.half - 0.3)).abs() < 1e-4 && (right + sector.half + 0.3).abs() < 1e-4);
+            let ahead = direction_of(sector.middle);
+            let edges = [sector.middle - sector.right, sector.middle + sector.left];
+            for (edge, side) in edges.into_iter().zip([-1.0, 1.0]) {
+                let turned = ahead.angle_to(direction_of(wrapped(edge)));
+                assert!((turned - side * 0.4_f32.atan()).abs() < 1e-4, "{sector:?}");
+            }
+            let [right, left] = sector.clip(wrapped(sector.middle + 0.3), [-1.0, 1.0]);
+            assert!((left - (sector.left - 0.3)).abs() < 1e-4 && (right + sector.right + 0.3).abs() < 1e-4);
         }
-        assert!(AzimuthSector::of_view(&view.map(|ray| ray - Vec3::Z * 9.0)).half >= PI);
+        assert!(AzimuthSector::of_view(&view.map(|ray| ray - Vec3::Z * 9.0)).is_all());
         for aside in [0.0, 1e-6, 0.1] {
             let down = [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)]
                 .map(|(x, y)| Vec3::new(0.6 * x + aside, 0.45 * y, -1.0));
-            assert!(AzimuthSector::of_view(&down).half >= PI, "{aside}");
+            assert!(AzimuthSector::of_view(&down).is_all(), "{aside}");
         }
     }
 

@@ -442,55 +442,68 @@ impl CullContext<'_> {
     }
 
     fn test_ground<'p>(&self, piece: &'p NumberedPiece, is_in_hidden: bool) -> Option<VisiblePiece<'p>> {
-        let NumberedPiece { number, piece } = piece;
-        let [low, high] = piece.bounds;
-        if !self.frustum.intersects_box(piece.bounds) {
+        let ScenePiece { bounds, levels, .. } = &piece.piece;
+        if !self.frustum.intersects_box(*bounds) {
             return None;
         }
-        let distance_m = self.eye.clamp(low, high).distance(self.eye);
-        let is_hidden = is_in_hidden
-            || self.horizon.hides_box(piece.bounds)
-            || self.horizon.hides_hull(&piece.top_outline);
-        let level = if is_hidden {
-            piece.levels.last()
-        } else {
-            piece.levels.get(self.lod(&piece.levels, 1.0, distance_m))
-        };
-        let middle = (low + high) / 2.0;
-        Some(VisiblePiece {
-            number: *number,
-            distance_m,
-            reach_m: middle.distance(self.eye) + high.distance(middle),
-            level: level?,
-            is_untextured: is_hidden || self.is_untextured(piece, distance_m),
-        })
+        let distance_m = self.distance_m(*bounds);
+        let is_hidden = is_in_hidden || self.hides(&piece.piece);
+        let level = if is_hidden { levels.last() } else { levels.get(self.lod(levels, 1.0, distance_m)) };
+        let visible = self.visible_piece(piece, distance_m, level?);
+        Some(VisiblePiece { is_untextured: is_hidden || visible.is_untextured, ..visible })
     }
 
     /// Frustum, small-feature and occlusion culling; then the coarsest LOD within the screen-space error.
     fn test_piece<'p>(&self, piece: &'p NumberedPiece) -> Option<VisiblePiece<'p>> {
-        let NumberedPiece { number, piece } = piece;
-        let [low, high] = piece.bounds;
-        let distance_m = self.visible_distance_m(piece.bounds)?;
-        if self.horizon.hides_hull(&piece.top_outline) {
+        let ScenePiece { bounds, levels, .. } = &piece.piece;
+        let distance_m = self.large_distance_m(*bounds)?;
+        if self.hides(&piece.piece) {
             return None;
         }
+        let level = levels.get(self.lod(levels, 1.0, distance_m))?;
+        Some(self.visible_piece(piece, distance_m, level))
+    }
+
+    /// Whether a piece is certainly hidden: its outline, which is tighter than its box, or its box where it has none.
+    fn hides(&self, piece: &ScenePiece) -> bool {
+        if piece.top_outline.is_empty() {
+            self.horizon.hides_box(piece.bounds)
+        } else {
+            self.horizon.hides_hull(&piece.top_outline)
+        }
+    }
+
+    fn visible_piece<'p>(
+        &self,
+        NumberedPiece { number, piece }: &'p NumberedPiece,
+        distance_m: f32,
+        level: &'p PieceLod,
+    ) -> VisiblePiece<'p> {
+        let [low, high] = piece.bounds;
         let middle = (low + high) / 2.0;
         let reach_m = middle.distance(self.eye) + high.distance(middle);
-        let level = piece.levels.get(self.lod(&piece.levels, 1.0, distance_m))?;
         let is_untextured = self.is_untextured(piece, distance_m);
-        Some(VisiblePiece { number: *number, distance_m, reach_m, level, is_untextured })
+        VisiblePiece { number: *number, distance_m, reach_m, level, is_untextured }
+    }
+
+    /// Distance from the eye to the nearest point of a box.
+    fn distance_m(&self, [low, high]: [Vec3; 2]) -> f32 {
+        self.eye.clamp(low, high).distance(self.eye)
+    }
+
+    /// The same of a box that passes frustum and small-feature culling.
+    fn large_distance_m(&self, bounds: [Vec3; 2]) -> Option<f32> {
+        if !self.frustum.intersects_box(bounds) {
+            return None;
+        }
+        let distance_m = self.distance_m(bounds);
+        let size_px = self.pixel_scale.projected_px((bounds[1] - bounds[0]).length(), distance_m);
+        (size_px >= self.min_size_px).then_some(distance_m)
     }
 
     /// Distance from the eye to the nearest point of a box that passes frustum, small-feature and occlusion culling.
     pub(super) fn visible_distance_m(&self, bounds: [Vec3; 2]) -> Option<f32> {
-        let [low, high] = bounds;
-        if !self.frustum.intersects_box(bounds) {
-            return None;
-        }
-        let distance_m = self.eye.clamp(low, high).distance(self.eye);
-        let size_px = self.pixel_scale.projected_px((high - low).length(), distance_m);
-        let is_visible = size_px >= self.min_size_px && !self.horizon.hides_box(bounds);
-        is_visible.then_some(distance_m)
+        self.large_distance_m(bounds).filter(|_| !self.horizon.hides_box(bounds))
     }
 
     /// Index of the coarsest LOD within the screen-space error, of an object drawn at a scale; 0 if none is.
