@@ -32,17 +32,20 @@ impl Cav {
         }
     }
 
-    /// Whether it takes part in coordination where it is: persons do not, nor a driver that heeds nobody, nor a vehicle
-    /// that does not follow its plans.
+    /// Whether it takes part in coordination somewhere: persons do not, nor a driver that heeds nobody.
+    pub(crate) fn may_take_part(&self) -> bool {
+        self.role == Role::Cav && self.heeds_others
+    }
+
+    /// Whether it takes part in coordination where it is: a vehicle that does not follow its plans does not.
     pub(crate) fn is_coordinated(&self) -> bool {
         let state = &self.coordination;
-        let is_cav = self.role == Role::Cav && self.heeds_others;
-        self.is_on_route() && is_cav && state.inside.is_some() && !state.is_distrusted
+        self.is_on_route() && self.may_take_part() && state.inside.is_some() && !state.is_distrusted
     }
 
     /// Whether a person drives it, or a model of one: it gets no plan.
     pub(crate) fn is_human(&self) -> bool {
-        self.role == Role::Human || !self.heeds_others || self.coordination.is_distrusted
+        !self.may_take_part() || self.coordination.is_distrusted
     }
 
     /// Whether it gives way to all plans while it has none itself: it could have one, and asks for it.

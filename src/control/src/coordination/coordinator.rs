@@ -120,6 +120,11 @@ impl ZoneCoordination {
     /// Drops plans that are over or do not hold, and lets the algorithm give new ones.
     pub fn update(&mut self, now_s: f64, cavs: &mut [Cav]) {
         self.vehicles.iter_mut().for_each(ZoneVehicles::clear);
+        if !cavs.iter().any(Cav::may_take_part) {
+            // Nor is anybody distrusted: people alone drive as where nothing is coordinated, to the bit.
+            cavs.iter_mut().for_each(Cav::forget_coordination);
+            return;
+        }
         for (vehicle, cav) in cavs.iter_mut().enumerate() {
             self.locate(now_s, cav);
             note_obedience(now_s, cav);

@@ -1,6 +1,9 @@
 //! The shipped studies: a merge and an intersection with vehicles that come and go.
 
+use crate::disturbed::lane_keeping;
 use crate::support::{Audit, shipped};
+use city3d_control::Cav;
+use city3d_protocol::snapshot::{Pedals, SimCommand};
 use city3d_simulation::environment::EnvironmentProfile;
 use city3d_simulation::measures::{TrafficMeasures, TrafficReport};
 use city3d_simulation::runner::Run;
@@ -125,7 +128,8 @@ fn more_traffic_than_an_intersection_can_carry_does_not_collide() {
     }
 }
 
-/// The digest of the last state of the intersection, with shares of automated vehicles.
+/// The digest of the last state of the intersection, with shares of automated vehicles. A person drives
+/// some of the vehicles for a while and does not do what control tells.
 fn intersection_digest(algorithm: &str, share_cav: f64) -> u64 {
     let text = shipped("intersection")
         .replace("algorithm = \"insert\"", &format!("algorithm = \"{algorithm}\""))
@@ -136,11 +140,26 @@ fn intersection_digest(algorithm: &str, share_cav: f64) -> u64 {
     assert!(experiment.inflows.len() > 1);
     let ticks = experiment.ticks();
     let mut run = Run::new(Arc::new(experiment)).unwrap();
+    let mut driven = None;
     for _ in 0..ticks {
+        let part_s = run.world().time_s() % 10.0;
+        let present = || run.mainframe().cavs().iter().filter(|cav| cav.is_on_route());
+        if part_s < DRIVEN_S && driven.is_none() {
+            let comes = |cav: &&Cav| cav.passage.next_section < cav.route.sections.len();
+            driven = present().find(comes).map(|cav| cav.id);
+        }
+        if let Some(id) = driven.filter(|id| present().any(|cav| cav.id == *id)) {
+            let pedals = Pedals { gas: 0.3, steering_rad: lane_keeping(&run, id), ..Pedals::default() };
+            let is_over = part_s >= DRIVEN_S;
+            run.inject(if is_over { SimCommand::Release(id) } else { SimCommand::Drive(id, pedals) });
+        }
+        driven = driven.filter(|_| part_s < DRIVEN_S);
         run.step();
     }
     run.snapshot().state_hash
 }
+
+const DRIVEN_S: f64 = 3.0;
 
 #[test]
 fn people_alone_drive_as_where_nobody_is_coordinated_and_automated_vehicles_alone_as_planned() {
