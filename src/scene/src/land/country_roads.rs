@@ -45,12 +45,59 @@ pub(super) struct CountryRoad {
     pub(super) approach: Vec<DVec2>,
     /// Its line in the land, from the edge of the closed ground outwards.
     pub(super) line: Vec<DVec2>,
-    /// Both lines in short stretches with their boxes.
-    stretches: Vec<([DVec2; 2], Vec<DVec2>)>,
+    /// Both lines, to find distances from.
+    whole: BoxedLine,
 }
 
-/// Segments of a stretch.
-const STRETCH: usize = 8;
+/// A line in boxes around its halves and their halves, down to short stretches: most places are far from a large box.
+#[derive(Clone, Debug)]
+struct BoxedLine {
+    bounds: [DVec2; 2],
+    part: LinePart,
+}
+
+#[derive(Clone, Debug)]
+enum LinePart {
+    Short(Vec<DVec2>),
+    Halves(Box<[BoxedLine; 2]>),
+}
+
+/// Corners of a short stretch at most.
+const STRETCH: usize = 6;
+
+impl BoxedLine {
+    fn new(line: &[DVec2]) -> Self {
+        let around = |[low, high]: [DVec2; 2], at: &DVec2| [low.min(*at), high.max(*at)];
+        let bounds = line.iter().fold([DVec2::INFINITY, DVec2::NEG_INFINITY], around);
+        let middle = line.len() / 2;
+        let part = if line.len() <= STRETCH {
+            LinePart::Short(line.to_vec())
+        } else {
+            LinePart::Halves(Box::new([Self::new(&line[..=middle]), Self::new(&line[middle..])]))
+        };
+        Self { bounds, part }
+    }
+
+    /// Distance from the line; of no meaning where it is more than a margin.
+    fn distance_m(&self, at: DVec2, margin_m: f64) -> f64 {
+        let [low, high] = self.bounds;
+        if !(at.cmpge(low - margin_m).all() && at.cmple(high + margin_m).all()) {
+            return f64::INFINITY;
+        }
+        let to_segment = |pair: &[DVec2]| {
+            let (a, along) = (pair[0], pair[1] - pair[0]);
+            let share = ((at - a).dot(along) / along.length_squared().max(1e-12)).clamp(0.0, 1.0);
+            (a + along * share).distance(at)
+        };
+        match &self.part {
+            LinePart::Short(line) => line.windows(2).map(to_segment).fold(f64::INFINITY, f64::min),
+            LinePart::Halves(halves) => {
+                let [first, second] = halves.each_ref().map(|half| half.distance_m(at, margin_m));
+                first.min(second)
+            }
+        }
+    }
+}
 
 /// Where a road leaves the town.
 #[derive(Clone, Copy, Debug)]
@@ -65,26 +112,12 @@ struct Gate {
 impl CountryRoad {
     fn new(half_m: f64, approach: Vec<DVec2>, line: Vec<DVec2>) -> Self {
         let whole: Vec<DVec2> = approach.iter().chain(&line[1..]).copied().collect();
-        let stretch = |from: usize| {
-            let part = whole[from..whole.len().min(from + STRETCH + 1)].to_vec();
-            let around = |[low, high]: [DVec2; 2], at: &DVec2| [low.min(*at), high.max(*at)];
-            (part.iter().fold([DVec2::INFINITY, DVec2::NEG_INFINITY], around), part)
-        };
-        let stretches = (0..whole.len() - 1).step_by(STRETCH).map(stretch).collect();
-        Self { half_m, approach, line, stretches }
+        Self { half_m, whole: BoxedLine::new(&whole), approach, line }
     }
 
     /// Distance from its middle; infinite where it is more than a margin.
     pub(super) fn distance_m(&self, at: DVec2, margin_m: f64) -> f64 {
-        let to_segment = |pair: &[DVec2]| {
-            let (a, along) = (pair[0], pair[1] - pair[0]);
-            let share = ((at - a).dot(along) / along.length_squared().max(1e-12)).clamp(0.0, 1.0);
-            (a + along * share).distance(at)
-        };
-        let is_near =
-            |[low, high]: &[DVec2; 2]| at.cmpge(*low - margin_m).all() && at.cmple(*high + margin_m).all();
-        let near = self.stretches.iter().filter(|(bounds, _)| is_near(bounds));
-        let least = near.flat_map(|(_, line)| line.windows(2)).map(to_segment).fold(f64::INFINITY, f64::min);
+        let least = self.whole.distance_m(at, margin_m);
         if least > margin_m { f64::INFINITY } else { least }
     }
 
