@@ -5,6 +5,7 @@ use super::normal_clusters::{self, NormalCluster};
 use super::passes::city::gpu_data::Vertex as GpuVertex;
 use city3d_scene::{LodMesh, Mesh, Surface, Vertex};
 use glam::Vec3;
+use rayon::prelude::*;
 use std::ops::Range;
 
 /// Bytes of vertices, and of indices, after which a chunk takes no more meshes. Every adapter takes 256 MiB in a buffer;
@@ -108,6 +109,68 @@ impl GeometryPacker {
 
     /// Packs a piece with all its levels of detail.
     pub(super) fn piece(&mut self, levels: &[LodMesh]) -> ScenePiece {
+        let packed = PackedPiece::new(levels, self.pieces, self.bucket);
+        self.append(packed)
+    }
+
+    /// Packs pieces, on all threads, in their order.
+    pub(super) fn pieces(&mut self, pieces: &[&[LodMesh]]) -> Vec<ScenePiece> {
+        let mut all = Vec::with_capacity(pieces.len());
+        // Not all at once: what is packed is held twice.
+        for part in pieces.chunks(PACKED_AT_ONCE) {
+            let (first, bucket) = (self.pieces, self.bucket);
+            let number = |k: usize| first.wrapping_add(k as u32);
+            let pack = |(k, levels): (usize, &&[LodMesh])| PackedPiece::new(levels, number(k), bucket);
+            let packed: Vec<PackedPiece> = part.par_iter().enumerate().map(pack).collect();
+            all.extend(packed.into_iter().map(|piece| self.append(piece)));
+        }
+        all
+    }
+
+    fn append(&mut self, PackedPiece { bounds, top_outline, levels, is_figured }: PackedPiece) -> ScenePiece {
+        self.pieces = self.pieces.wrapping_add(1);
+        let levels = levels.into_iter().map(|level| self.append_level(level)).collect();
+        ScenePiece { bounds, top_outline, levels, is_figured }
+    }
+
+    fn append_level(&mut self, level: PackedLevel) -> PieceLod {
+        let has_room = |chunk: &GeometryChunk| chunk.has_room(level.vertices.len(), level.indices.len());
+        if !self.chunks.last().is_some_and(has_room) {
+            self.chunks.push(GeometryChunk::default());
+        }
+        let chunk = self.chunks.len() - 1;
+        let GeometryChunk { vertices, indices } = &mut self.chunks[chunk];
+        let (base, start) = (vertices.len() as u32, indices.len() as u32);
+        vertices.extend(level.vertices);
+        indices.extend(level.indices.iter().map(|k| k + base));
+        let [main, bucket] = [level.main, level.bucket]
+            .map(|clusters| clusters.into_iter().map(|cluster| cluster.moved_by(start)).collect());
+        PieceLod { error_m: level.error_m, chunk, main, bucket }
+    }
+}
+
+/// Pieces that are packed in turn on all threads.
+const PACKED_AT_ONCE: usize = 1024;
+
+/// A piece before it has its place in a chunk.
+struct PackedPiece {
+    bounds: [Vec3; 2],
+    top_outline: Vec<Vec3>,
+    levels: Vec<PackedLevel>,
+    is_figured: bool,
+}
+
+/// A level of detail of its own vertices and indices.
+struct PackedLevel {
+    error_m: f32,
+    vertices: Vec<GpuVertex>,
+    indices: Vec<u32>,
+    main: Vec<NormalCluster>,
+    bucket: Vec<NormalCluster>,
+}
+
+impl PackedPiece {
+    fn new(levels: &[LodMesh], number: u32, bucket: Option<DrawBucket>) -> Self {
         let mut bounds = [Vec3::INFINITY, Vec3::NEG_INFINITY];
         let mut is_figured = false;
         let mut top_outline = TopOutline::default();
@@ -120,30 +183,25 @@ impl GeometryPacker {
                 bounds = [bounds[0].min(low), bounds[1].max(high)];
                 is_figured |= mesh.vertices.iter().any(|v| v.finish.surface.is_figured());
                 mesh.vertices.iter().for_each(|v| top_outline.add(v.position));
-                self.level(&mesh, level.error_m)
+                PackedLevel::new(&mesh, level.error_m, number, bucket)
             })
             .collect();
-        self.pieces += 1;
-        ScenePiece { bounds, top_outline: top_outline.corners, levels, is_figured }
+        Self { bounds, top_outline: top_outline.corners, levels, is_figured }
     }
+}
 
-    fn level(&mut self, mesh: &Mesh, error_m: f32) -> PieceLod {
-        let has_room = |chunk: &GeometryChunk| chunk.has_room(mesh.vertices.len(), mesh.indices.len());
-        if !self.chunks.last().is_some_and(has_room) {
-            self.chunks.push(GeometryChunk::default());
-        }
-        let chunk = self.chunks.len() - 1;
-        let GeometryChunk { vertices, indices } = &mut self.chunks[chunk];
-        let base = vertices.len() as u32;
-        vertices.extend(mesh.vertices.iter().map(|v| pack(v, self.pieces)));
+impl PackedLevel {
+    fn new(mesh: &Mesh, error_m: f32, number: u32, bucket: Option<DrawBucket>) -> Self {
         let in_bucket = |triangle: &&[u32]| {
             let corners = [0, 1, 2].map(|k| &mesh.vertices[triangle[k] as usize]);
-            self.bucket.is_some_and(|bucket| bucket.contains(corners))
+            bucket.is_some_and(|bucket| bucket.contains(corners))
         };
         let (bucket, main): (Vec<&[u32]>, Vec<&[u32]>) = mesh.indices.chunks_exact(3).partition(in_bucket);
         let at = |k: u32| mesh.vertices[k as usize].position;
-        let [main, bucket] = [main, bucket].map(|part| normal_clusters::append(indices, base, at, &part));
-        PieceLod { error_m, chunk, main, bucket }
+        let mut indices = Vec::with_capacity(mesh.indices.len());
+        let [main, bucket] = [main, bucket].map(|part| normal_clusters::append(&mut indices, at, &part));
+        let vertices = mesh.vertices.iter().map(|v| pack(v, number)).collect();
+        Self { error_m, vertices, indices, main, bucket }
     }
 }
 
@@ -210,17 +268,22 @@ mod tests {
         let mesh = Mesh { vertices: (0..300_000).map(corner).collect(), indices: (0..300_000).collect() };
         let levels = [LodMesh { mesh, error_m: 0.0 }];
         let mut packer = GeometryPacker::new(None);
-        let pieces: Vec<ScenePiece> = (0..8).map(|_| packer.piece(&levels)).collect();
+        let mut pieces = vec![packer.piece(&levels)];
+        pieces.extend(packer.pieces(&[&levels[..]; 7]));
         assert_eq!(packer.chunks.len(), 2);
         for chunk in &packer.chunks {
             assert!(chunk.vertices.len() * size_of::<GpuVertex>() <= CHUNK_BYTES);
         }
-        for level in pieces.iter().flat_map(|piece| &piece.levels) {
+        for (number, level) in (0..).zip(pieces.iter().flat_map(|piece| &piece.levels)) {
             let chunk = &packer.chunks[level.chunk];
             let indices: usize = level.all().map(|cluster| chunk.of(cluster).len()).sum();
             assert_eq!(indices, 300_000);
             assert_eq!(index_range(&level.main).len(), 300_000);
-            assert!(level.all().flat_map(|c| chunk.of(c)).all(|&k| (k as usize) < chunk.vertices.len()));
+            let mut corners = level.all().flat_map(|c| chunk.of(c)).map(|&k| chunk.vertices[k as usize]);
+            assert!(
+                corners.all(|vertex| vertex.material >> 16 == number),
+                "not the vertices of piece {number}"
+            );
         }
     }
 }

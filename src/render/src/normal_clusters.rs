@@ -21,17 +21,20 @@ pub(super) struct NormalCluster {
 }
 
 impl NormalCluster {
+    /// The same in an index list in which its own begins so much later.
+    pub(super) fn moved_by(self, start: u32) -> Self {
+        Self { indices: self.indices.start + start..self.indices.end + start, ..self }
+    }
+
     /// Whether all triangles certainly face away from an eye that is at most `reach_m` from every corner.
     pub(super) fn is_backfacing(&self, eye: Vec3, reach_m: f32) -> bool {
         self.normal.dot(eye) - self.least_m + self.spread * reach_m < 0.0
     }
 }
 
-/// Appends the triangles of a mesh to `indices`, cluster by cluster, with `base` added to each index. Drops degenerate
-/// triangles.
+/// Appends the triangles of a mesh to `indices`, cluster by cluster. Drops degenerate triangles.
 pub(super) fn append(
     indices: &mut Vec<u32>,
-    base: u32,
     position: impl Fn(u32) -> Vec3,
     triangles: &[&[u32]],
 ) -> Vec<NormalCluster> {
@@ -48,7 +51,7 @@ pub(super) fn append(
         let normal = sum.normalize_or_zero();
         let corners = group.iter().flat_map(|(_, triangle)| triangle.iter());
         let start = indices.len() as u32;
-        indices.extend(corners.clone().map(|k| k + base));
+        indices.extend(corners.clone());
         clusters.push(NormalCluster {
             indices: start..indices.len() as u32,
             normal,
@@ -74,7 +77,7 @@ mod tests {
         let corners: Vec<u32> = (0..600).collect();
         let triangles: Vec<&[u32]> = corners.chunks_exact(3).collect();
         let mut indices = Vec::new();
-        let clusters = append(&mut indices, 0, at, &triangles);
+        let clusters = append(&mut indices, at, &triangles);
         assert_eq!(indices.len(), 600);
         assert!(
             clusters.iter().map(|cluster| cluster.indices.len()).sum::<usize>() == 600 && clusters.len() > 20
@@ -100,8 +103,9 @@ mod tests {
     fn a_wall_is_backfacing_behind_its_plane() {
         let corners = [Vec3::ZERO, Vec3::new(0.0, 5.0, 0.0), Vec3::new(0.0, 5.0, 3.0)];
         let mut indices = Vec::new();
-        let clusters = append(&mut indices, 10, |k| corners[k as usize], &[&[0, 1, 2], &[1, 1, 2]]);
-        assert_eq!((indices.as_slice(), clusters.len()), (&[10, 11, 12][..], 1));
+        let clusters = append(&mut indices, |k| corners[k as usize], &[&[0, 1, 2], &[1, 1, 2]]);
+        assert_eq!((indices.as_slice(), clusters.len()), (&[0, 1, 2][..], 1));
+        assert_eq!(clusters[0].clone().moved_by(10).indices, 10..13);
         assert!(!clusters[0].is_backfacing(Vec3::new(0.1, 90.0, 90.0), 130.0));
         assert!(clusters[0].is_backfacing(Vec3::new(-0.1, 90.0, 90.0), 130.0));
     }

@@ -11,7 +11,7 @@ use super::geometry::{DrawBucket, GeometryChunk, GeometryPacker, PieceLod, Scene
 use super::instances::{InstancedScene, PreparedInstances, VisibleInstance};
 use super::normal_clusters::NormalCluster;
 use super::occlusion_horizon::{AzimuthSector, OcclusionHorizon};
-use city3d_scene::{SceneDescription, SceneObject, Surface, Wall};
+use city3d_scene::{LodMesh, SceneDescription, SceneObject, Surface, Wall};
 use glam::Vec3;
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -231,16 +231,16 @@ impl PreparedGeometry {
     pub(super) fn new(scene: &SceneDescription, bucket: Option<DrawBucket>) -> Self {
         let pack_objects = || {
             let mut packer = GeometryPacker::new(bucket);
-            let objects: Vec<ScenePiece> =
-                scene.objects.iter().map(|object| packer.piece(&object.levels)).collect();
+            let levels: Vec<&[LodMesh]> = scene.objects.iter().map(|object| &object.levels[..]).collect();
+            let objects = packer.pieces(&levels);
             (packer, objects)
         };
         let split =
             |lines: bool| cells::split_ground(&scene.ground, &|surface| (surface == Surface::Line) == lines);
         let ((mut packer, objects), (ground, lines)) =
             rayon::join(pack_objects, || rayon::join(|| split(false), || split(true)));
-        let mut pieces = |cells: Vec<Vec<city3d_scene::LodMesh>>| {
-            cells.iter().map(|levels| packer.piece(levels)).collect()
+        let mut pieces = |cells: Vec<Vec<LodMesh>>| {
+            packer.pieces(&cells.iter().map(|levels| &levels[..]).collect::<Vec<_>>())
         };
         let (ground, lines) = (pieces(ground), pieces(lines));
         // The shadow map ends with the city: shadows of objects around it would be cut off there.
