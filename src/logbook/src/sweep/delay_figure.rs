@@ -13,6 +13,8 @@ pub const DELAY: &str = "delay";
 
 /// Half the width of a point over that of the axes.
 const DOT: f64 = 0.003;
+/// Room beside a point on the vertical axis, over the width of the axes: the axis would hide its confidence interval.
+const BESIDE_AXIS: f64 = 0.02;
 
 impl DelayCurves {
     /// The figure: mean delay against the flow that left, or against the values of the axis.
@@ -31,7 +33,12 @@ impl DelayCurves {
             legend.push(LegendEntry { name: (*name).to_owned(), stroke });
         }
         panel.fit(&[0.0], &[0.0]);
-        let dot = (panel.x.1 - panel.x.0) * DOT;
+        let width = panel.x.1 - panel.x.0;
+        let is_on_axis = |name: &&str| self.places(name).any(|(x, _)| x <= panel.x.0);
+        if names.iter().any(is_on_axis) {
+            panel.x.0 -= width * BESIDE_AXIS;
+        }
+        let dot = width * DOT;
         for (name, stroke) in names.iter().zip(distinct_styles(names.len())) {
             let stroke = LineStyle { width_pt: 3.5, dash: Dash::Solid, ..stroke };
             let dots = self.places(name).map(|(x, y)| vec![(x - dot, y), (x + dot, y)]);
