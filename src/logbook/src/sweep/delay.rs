@@ -351,7 +351,15 @@ mod tests {
         );
         assert_eq!(twice.table.rows[0][0], "plans: algorithm yield");
 
-        let other: Vec<Axis> = vec![axes[0].clone(), "inflow.*.share_cav=600,1200".parse().unwrap()];
+        let share = |values: &str| format!("inflow.*.share_cav={values}").parse().unwrap();
+        // A point on the vertical axis would hide behind it.
+        let with_none: Vec<Axis> = vec![axes[0].clone(), share("0,1200")];
+        let renamed = |cell: &String| if cell == "600" { "0".to_owned() } else { cell.clone() };
+        let from_none: Vec<Vec<String>> = rows.iter().map(|row| row.iter().map(renamed).collect()).collect();
+        let figure = of(&named("intersection"), &with_none, &from_none).figure();
+        assert!(figure.panels[0].x.0 < 0.0 && both.figure().panels[0].x.0 == 0.0);
+
+        let other: Vec<Axis> = vec![axes[0].clone(), share("600,1200")];
         let shares = ("shares".to_owned(), of(&named("intersection"), &other, &rows));
         let error = DelayCurves::joined(vec![plans(), shares]).unwrap_err();
         assert!(
