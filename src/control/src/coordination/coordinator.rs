@@ -74,6 +74,10 @@ impl CoordinatedState {
         (self.is_distrusted, self.trusted_from_s) = (true, now_s + DISTRUSTED_S);
     }
 
+    fn trust(&mut self) {
+        (self.is_distrusted, self.off_mps) = (false, 0.0);
+    }
+
     /// When its front bumper is planned to be at a place.
     pub fn front_at(&self, front_s: f64, body: CavGeometry) -> Option<f64> {
         self.plan.as_ref().map(|plan| plan.time_at(body.axle_of_front(front_s)))
@@ -120,14 +124,15 @@ impl ZoneCoordination {
     /// Drops plans that are over or do not hold, and lets the algorithm give new ones.
     pub fn update(&mut self, now_s: f64, cavs: &mut [Cav]) {
         self.vehicles.iter_mut().for_each(ZoneVehicles::clear);
-        if !cavs.iter().any(Cav::may_take_part) {
-            // Nor is anybody distrusted: people alone drive as where nothing is coordinated, to the bit.
-            cavs.iter_mut().for_each(Cav::forget_coordination);
-            return;
-        }
+        let may_coordinate = cavs.iter().any(Cav::may_take_part);
         for (vehicle, cav) in cavs.iter_mut().enumerate() {
             self.locate(now_s, cav);
-            note_obedience(now_s, cav);
+            if may_coordinate {
+                note_obedience(now_s, cav);
+            } else {
+                // People alone drive as where nothing is coordinated, to the bit.
+                cav.coordination.trust();
+            }
             self.drop_left_plan(now_s, cav);
             self.list(vehicle, cav);
         }
