@@ -116,7 +116,7 @@ impl GeometryPacker {
     /// Packs pieces, on all threads, in their order.
     pub(super) fn pieces(&mut self, pieces: &[&[LodMesh]]) -> Vec<ScenePiece> {
         let mut all = Vec::with_capacity(pieces.len());
-        // Not all at once: what is packed is held twice.
+        // A part at a time: memory holds its vertices twice until they are appended.
         for part in pieces.chunks(PACKED_AT_ONCE) {
             let (first, bucket) = (self.pieces, self.bucket);
             let number = |k: usize| first.wrapping_add(k as u32);

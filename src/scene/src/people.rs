@@ -270,21 +270,23 @@ mod tests {
             let plain = &person.levels[person.levels.len() - 2].mesh;
             let trunk = &plain.vertices[8..11];
             let foot = trunk.iter().map(|v| v.position.truncate().as_dvec2()).sum::<DVec2>() / 3.0;
-            let nearest = |kind: SceneryKind| {
+            let nearest = |kind: SceneryKind, at: DVec2| {
                 let of_kind = map.scenery.iter().filter(|piece| piece.kind == kind);
-                of_kind.map(|piece| distance_to(&piece.shape, foot)).fold(f64::INFINITY, f64::min)
+                of_kind.map(|piece| distance_to(&piece.shape, at)).fold(f64::INFINITY, f64::min)
             };
-            let [low, high] = person.levels[0].mesh.bounds();
+            let off_walls = |at| nearest(SceneryKind::Building, at).min(nearest(SceneryKind::Wall, at));
+            let finest = &person.levels[0].mesh;
+            let [low, high] = finest.bounds();
             if high.z - low.z < 1.55 {
                 sitting += 1;
-                assert!(nearest(SceneryKind::Bench) < 0.1, "nobody sits at {foot} but on air");
+                assert!(nearest(SceneryKind::Bench, foot) < 0.1, "nobody sits at {foot} but on air");
                 continue;
             }
             standing += 1;
-            assert!(
-                nearest(SceneryKind::Building).min(nearest(SceneryKind::Wall)) > 0.5,
-                "in a wall: {foot}"
-            );
+            assert!(off_walls(foot) > 0.5, "in a wall: {foot}");
+            for at in finest.vertices.iter().map(|v| v.position.truncate().as_dvec2()) {
+                assert!(off_walls(at) > 0.0, "in a wall: {at}");
+            }
             for lane in &map.lanes {
                 let far = lane.curve.at(lane.curve.project(foot).s).pose.position.distance(foot);
                 assert!(far > lane.width_m / 2.0 + 0.4, "{foot} is {far} m from the middle of {}", lane.name);

@@ -78,7 +78,7 @@ impl BoxedLine {
         Self { bounds, part }
     }
 
-    /// Distance from the line; of no meaning where it is more than a margin.
+    /// Distance from the line where that is at most a margin, else any number above the margin.
     fn distance_m(&self, at: DVec2, margin_m: f64) -> f64 {
         let [low, high] = self.bounds;
         if !(at.cmpge(low - margin_m).all() && at.cmple(high + margin_m).all()) {

@@ -128,9 +128,9 @@ fn more_traffic_than_an_intersection_can_carry_does_not_collide() {
     }
 }
 
-/// The digest of the last state of the intersection, with shares of automated vehicles. A person drives
-/// some of the vehicles for a while and does not do what control tells.
-fn intersection_digest(algorithm: &str, share_cav: f64) -> u64 {
+/// The digest of the last state of the intersection, with shares of automated vehicles. With `is_disturbed` a person
+/// drives some of the vehicles for a while and does not do what control tells.
+fn intersection_digest(algorithm: &str, share_cav: f64, is_disturbed: bool) -> u64 {
     let text = shipped("intersection")
         .replace("algorithm = \"insert\"", &format!("algorithm = \"{algorithm}\""))
         .replace("rate_veh_h = 200\n", &format!("rate_veh_h = 200\nshare_cav = {share_cav}\n"));
@@ -144,7 +144,7 @@ fn intersection_digest(algorithm: &str, share_cav: f64) -> u64 {
     for _ in 0..ticks {
         let part_s = run.world().time_s() % 10.0;
         let present = || run.mainframe().cavs().iter().filter(|cav| cav.is_on_route());
-        if part_s < DRIVEN_S && driven.is_none() {
+        if is_disturbed && part_s < DRIVEN_S && driven.is_none() {
             let comes = |cav: &&Cav| cav.passage.next_section < cav.route.sections.len();
             driven = present().find(comes).map(|cav| cav.id);
         }
@@ -163,13 +163,16 @@ const DRIVEN_S: f64 = 3.0;
 
 #[test]
 fn people_alone_drive_as_where_nobody_is_coordinated_and_automated_vehicles_alone_as_planned() {
-    let yielding = intersection_digest("none", 1.0);
-    assert_eq!(intersection_digest("insert", 0.0), yielding);
-    assert_eq!(intersection_digest("none", 0.0), yielding);
-    let planned = intersection_digest("insert", 1.0);
-    assert_ne!(planned, yielding);
-    let half = intersection_digest("insert", 0.5);
-    assert!(half != planned && half != yielding);
+    for is_disturbed in [false, true] {
+        let digest = |algorithm, share_cav| intersection_digest(algorithm, share_cav, is_disturbed);
+        let yielding = digest("none", 1.0);
+        assert_eq!(digest("insert", 0.0), yielding);
+        assert_eq!(digest("none", 0.0), yielding);
+        let planned = digest("insert", 1.0);
+        assert_ne!(planned, yielding);
+        let half = digest("insert", 0.5);
+        assert!(half != planned && half != yielding);
+    }
 }
 
 #[test]
