@@ -127,46 +127,36 @@ impl GeometryPacker {
         all
     }
 
-    fn append(&mut self, PackedPiece { bounds, top_outline, levels, is_figured }: PackedPiece) -> ScenePiece {
+    fn append(&mut self, PackedPiece { mut piece, geometry }: PackedPiece) -> ScenePiece {
         self.pieces = self.pieces.wrapping_add(1);
-        let levels = levels.into_iter().map(|level| self.append_level(level)).collect();
-        ScenePiece { bounds, top_outline, levels, is_figured }
+        for (level, geometry) in piece.levels.iter_mut().zip(geometry) {
+            self.append_level(level, geometry);
+        }
+        piece
     }
 
-    fn append_level(&mut self, level: PackedLevel) -> PieceLod {
-        let has_room = |chunk: &GeometryChunk| chunk.has_room(level.vertices.len(), level.indices.len());
+    /// Gives a level of geometry of its own its place in a chunk.
+    fn append_level(&mut self, level: &mut PieceLod, own: GeometryChunk) {
+        let has_room = |chunk: &GeometryChunk| chunk.has_room(own.vertices.len(), own.indices.len());
         if !self.chunks.last().is_some_and(has_room) {
             self.chunks.push(GeometryChunk::default());
         }
-        let chunk = self.chunks.len() - 1;
-        let GeometryChunk { vertices, indices } = &mut self.chunks[chunk];
+        level.chunk = self.chunks.len() - 1;
+        let GeometryChunk { vertices, indices } = &mut self.chunks[level.chunk];
         let (base, start) = (vertices.len() as u32, indices.len() as u32);
-        vertices.extend(level.vertices);
-        indices.extend(level.indices.iter().map(|k| k + base));
-        let [main, bucket] = [level.main, level.bucket]
-            .map(|clusters| clusters.into_iter().map(|cluster| cluster.moved_by(start)).collect());
-        PieceLod { error_m: level.error_m, chunk, main, bucket }
+        vertices.extend(own.vertices);
+        indices.extend(own.indices.iter().map(|k| k + base));
+        level.main.iter_mut().chain(&mut level.bucket).for_each(|cluster| cluster.move_by(start));
     }
 }
 
 /// Pieces that are packed in turn on all threads.
 const PACKED_AT_ONCE: usize = 1024;
 
-/// A piece before it has its place in a chunk.
+/// A piece before it has its place in a chunk: each of its levels has geometry of its own.
 struct PackedPiece {
-    bounds: [Vec3; 2],
-    top_outline: Vec<Vec3>,
-    levels: Vec<PackedLevel>,
-    is_figured: bool,
-}
-
-/// A level of detail of its own vertices and indices.
-struct PackedLevel {
-    error_m: f32,
-    vertices: Vec<GpuVertex>,
-    indices: Vec<u32>,
-    main: Vec<NormalCluster>,
-    bucket: Vec<NormalCluster>,
+    piece: ScenePiece,
+    geometry: Vec<GeometryChunk>,
 }
 
 impl PackedPiece {
@@ -174,7 +164,7 @@ impl PackedPiece {
         let mut bounds = [Vec3::INFINITY, Vec3::NEG_INFINITY];
         let mut is_figured = false;
         let mut top_outline = TopOutline::default();
-        let levels = levels
+        let (levels, geometry) = levels
             .iter()
             .map(|level| {
                 let mut mesh = level.mesh.clone();
@@ -183,26 +173,31 @@ impl PackedPiece {
                 bounds = [bounds[0].min(low), bounds[1].max(high)];
                 is_figured |= mesh.vertices.iter().any(|v| v.finish.surface.is_figured());
                 mesh.vertices.iter().for_each(|v| top_outline.add(v.position));
-                PackedLevel::new(&mesh, level.error_m, number, bucket)
+                packed_level(&mesh, level.error_m, number, bucket)
             })
-            .collect();
-        Self { bounds, top_outline: top_outline.corners, levels, is_figured }
+            .unzip();
+        let piece = ScenePiece { bounds, top_outline: top_outline.corners, levels, is_figured };
+        Self { piece, geometry }
     }
 }
 
-impl PackedLevel {
-    fn new(mesh: &Mesh, error_m: f32, number: u32, bucket: Option<DrawBucket>) -> Self {
-        let in_bucket = |triangle: &&[u32]| {
-            let corners = [0, 1, 2].map(|k| &mesh.vertices[triangle[k] as usize]);
-            bucket.is_some_and(|bucket| bucket.contains(corners))
-        };
-        let (bucket, main): (Vec<&[u32]>, Vec<&[u32]>) = mesh.indices.chunks_exact(3).partition(in_bucket);
-        let at = |k: u32| mesh.vertices[k as usize].position;
-        let mut indices = Vec::with_capacity(mesh.indices.len());
-        let [main, bucket] = [main, bucket].map(|part| normal_clusters::append(&mut indices, at, &part));
-        let vertices = mesh.vertices.iter().map(|v| pack(v, number)).collect();
-        Self { error_m, vertices, indices, main, bucket }
-    }
+/// A level of detail with geometry of its own.
+fn packed_level(
+    mesh: &Mesh,
+    error_m: f32,
+    number: u32,
+    bucket: Option<DrawBucket>,
+) -> (PieceLod, GeometryChunk) {
+    let in_bucket = |triangle: &&[u32]| {
+        let corners = [0, 1, 2].map(|k| &mesh.vertices[triangle[k] as usize]);
+        bucket.is_some_and(|bucket| bucket.contains(corners))
+    };
+    let (bucket, main): (Vec<&[u32]>, Vec<&[u32]>) = mesh.indices.chunks_exact(3).partition(in_bucket);
+    let at = |k: u32| mesh.vertices[k as usize].position;
+    let mut indices = Vec::with_capacity(mesh.indices.len());
+    let [main, bucket] = [main, bucket].map(|part| normal_clusters::append(&mut indices, at, &part));
+    let vertices = mesh.vertices.iter().map(|v| pack(v, number)).collect();
+    (PieceLod { error_m, chunk: 0, main, bucket }, GeometryChunk { vertices, indices })
 }
 
 /// A piece with more corners is tested by its bounding box alone.

@@ -21,9 +21,9 @@ pub(super) struct NormalCluster {
 }
 
 impl NormalCluster {
-    /// The same in an index list in which its own begins so much later.
-    pub(super) fn moved_by(self, start: u32) -> Self {
-        Self { indices: self.indices.start + start..self.indices.end + start, ..self }
+    /// Moves its range in an index list that begins so much later.
+    pub(super) fn move_by(&mut self, start: u32) {
+        self.indices = self.indices.start + start..self.indices.end + start;
     }
 
     /// Whether all triangles certainly face away from an eye that is at most `reach_m` from every corner.
@@ -103,9 +103,10 @@ mod tests {
     fn a_wall_is_backfacing_behind_its_plane() {
         let corners = [Vec3::ZERO, Vec3::new(0.0, 5.0, 0.0), Vec3::new(0.0, 5.0, 3.0)];
         let mut indices = Vec::new();
-        let clusters = append(&mut indices, |k| corners[k as usize], &[&[0, 1, 2], &[1, 1, 2]]);
+        let mut clusters = append(&mut indices, |k| corners[k as usize], &[&[0, 1, 2], &[1, 1, 2]]);
         assert_eq!((indices.as_slice(), clusters.len()), (&[0, 1, 2][..], 1));
-        assert_eq!(clusters[0].clone().moved_by(10).indices, 10..13);
+        clusters[0].move_by(10);
+        assert_eq!(clusters[0].indices, 10..13);
         assert!(!clusters[0].is_backfacing(Vec3::new(0.1, 90.0, 90.0), 130.0));
         assert!(clusters[0].is_backfacing(Vec3::new(-0.1, 90.0, 90.0), 130.0));
     }
