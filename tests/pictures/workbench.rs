@@ -65,7 +65,9 @@ impl Bench<'_> {
         self.program.key(key);
     }
 
+    /// Clicks when the window shows what the keys before have done: pictures of a large screen may take longer than keys.
     fn click(&self, x: u32, y: u32) {
+        self.program.screenshot();
         self.program.click(x * self.pixels_per_point, y * self.pixels_per_point);
     }
 
@@ -75,7 +77,8 @@ impl Bench<'_> {
 
     /// Opens a file by the dialog.
     fn choose_file(&self, file: &Path) {
-        // The first letter goes to the field; the whole path takes the place of what is in it.
+        // The dialog is there; the first letter goes to its field, and the whole path takes the place of what is in it.
+        self.program.screenshot();
         self.key("x");
         self.key("ctrl+a");
         self.program.type_text(file.to_str().unwrap());
@@ -98,7 +101,6 @@ fn edit(bench: &Bench<'_>, file: &Path) {
     bench.key("Insert");
     // The middle of the view is on the first lane, its right end on the second one.
     bench.click(680, 333);
-    bench.program.screenshot();
     bench.click(935, 333);
     bench.key("Escape");
     bench.key("o");
