@@ -226,8 +226,13 @@ impl Mainframe {
     /// One control step at `time_s`: takes the poses that have arrived and returns a message for every
     /// vehicle that has been measured.
     pub fn step(&mut self, time_s: f64, arrived: &[Measurement], messages: &mut Vec<Message>) {
+        let mut next = 0;
         for seen in arrived {
-            if let Ok(index) = self.cavs.binary_search_by_key(&seen.vehicle, |cav| cav.id) {
+            // Poses come in the order of ids, as a rule.
+            let is_next = self.cavs.get(next).is_some_and(|cav| cav.id == seen.vehicle);
+            let found = || self.cavs.binary_search_by_key(&seen.vehicle, |cav| cav.id).ok();
+            if let Some(index) = if is_next { Some(next) } else { found() } {
+                next = index + 1;
                 self.cavs[index].update_pose((&self.map, &self.lanes), time_s, seen);
             } else {
                 self.strangers.update(seen);

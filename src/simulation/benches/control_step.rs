@@ -1,5 +1,6 @@
 //! Times the control step on grid maps with inflows: coordinated vehicles beside those that yield, and ten times as many
 //! on ten times as many junctions, in one city and in ten. Every row is the same simulated interval of the same demand, and ends with its digest.
+//! Steps are timed twice: in lockstep with the world, as in a run, and alone, when the caches hold nothing but control.
 #![allow(clippy::disallowed_types, reason = "measures time")]
 #![allow(clippy::unwrap_used, reason = "a bench may end where it finds something wrong")]
 
@@ -21,6 +22,8 @@ const WARM_UP_S: f64 = 150.0;
 const MEASURED_S: f64 = 60.0;
 /// Each run is made so often; of each step its least time counts, without what else the machine did meanwhile.
 const REPEATS: usize = 5;
+/// Runs of world and control in lockstep, likewise.
+const RUNS: usize = 3;
 
 /// Grid maps as `city3d generate map --grid` draws them, with as many vehicles an hour from each of the arms to all others
 /// within a distance.
@@ -81,6 +84,8 @@ struct Spent {
     asked: f64,
     /// Of each control step, in order of time.
     steps: Vec<Duration>,
+    /// The same in lockstep with the world.
+    in_run: Vec<Duration>,
     digest: u64,
 }
 
@@ -88,12 +93,8 @@ impl Spent {
     /// The lesser time of each step of the same run, made twice.
     fn least(mut self, other: Self) -> Self {
         assert_eq!((self.pairs, self.asked), (other.pairs, other.asked));
-        self.steps.iter_mut().zip(other.steps).for_each(|(time, again)| *time = again.min(*time));
+        least(&mut self.steps, &other.steps);
         self
-    }
-
-    fn mean(&self) -> Duration {
-        self.steps.iter().sum::<Duration>() / self.steps.len() as u32
     }
 
     fn quantile(&self, share: f64) -> Duration {
@@ -103,10 +104,30 @@ impl Spent {
     }
 }
 
+fn mean(steps: &[Duration]) -> Duration {
+    steps.iter().sum::<Duration>() / steps.len() as u32
+}
+
+/// Keeps the lesser time of each step of the same run, made twice.
+fn least(steps: &mut [Duration], again: &[Duration]) {
+    steps.iter_mut().zip(again).for_each(|(time, again)| *time = *again.min(time));
+}
+
 /// What control saw in a run, by control step, and the digest of that run's end.
 struct Seen {
     steps: Vec<(f64, Vec<Measurement>)>,
+    /// What the measured steps took.
+    took: Vec<Duration>,
     digest: u64,
+}
+
+impl Seen {
+    /// The lesser time of each step of the same run, made twice.
+    fn least(mut self, other: &Self) -> Self {
+        assert_eq!(self.digest, other.digest);
+        least(&mut self.took, &other.took);
+        self
+    }
 }
 
 /// Runs world and control framework in lockstep, without errors between them.
@@ -115,14 +136,17 @@ fn record(experiment: &Arc<Experiment>) -> Seen {
     let mut world = World::new(Arc::clone(experiment));
     let mut snapshot = world.snapshot();
     let mut control = Control::new(experiment);
-    let (mut commands, mut steps) = (vec![SimCommand::Start], Vec::new());
+    let (mut commands, mut steps, mut took) = (vec![SimCommand::Start], Vec::new(), Vec::new());
     while world.time_s() < experiment.duration_s {
         let time_s = world.time_s();
         control.demand.begin_step();
         if world.tick().is_multiple_of(ticks_per_control) {
             let visible = snapshot.vehicles.iter().filter(|state| state.status != Status::Unseen);
             let seen: Vec<_> = visible.map(|state| Measurement::of(state, time_s, scale)).collect();
-            control.step(time_s, &seen);
+            let spent = control.step(time_s, &seen);
+            if time_s >= WARM_UP_S {
+                took.push(spent);
+            }
             steps.push((time_s, seen));
         }
         commands.extend(control.messages.drain(..).map(|message| message.into_command(scale)));
@@ -133,7 +157,7 @@ fn record(experiment: &Arc<Experiment>) -> Seen {
         world.tick_into(&commands, &mut snapshot);
         commands.clear();
     }
-    Seen { steps, digest: snapshot.state_hash }
+    Seen { steps, took, digest: snapshot.state_hash }
 }
 
 /// The control framework with its demand, as `city3d mainframe` runs them.
@@ -187,6 +211,7 @@ fn measure(experiment: &Experiment, cities: usize, seen: &Seen) -> Spent {
         pairs: (pairs - pairs_before) as f64 / vehicles as f64,
         asked: (asked - asked_before) as f64 / mean_vehicles / MEASURED_S,
         steps,
+        in_run: seen.took.clone(),
         digest: seen.digest,
     }
 }
@@ -206,25 +231,33 @@ fn main() {
         chosen.iter().any(|word| word == name) || !chosen.iter().any(|word| all.contains(&word.as_str()))
     };
     println!(
-        "| algorithm | grid | vehicles | mean step | for a vehicle | median | 99 % | pairs | plans asked for | digest |"
+        "| algorithm | grid | vehicles | in a run, for a vehicle | alone, mean step | for a vehicle | median | 99 % | pairs | plans asked for | digest |"
     );
-    println!("|---|---|---|---|---|---|---|---|---|---|");
+    println!("|---|---|---|---|---|---|---|---|---|---|---|");
     for demanded in DEMANDED.iter().filter(|demanded| is_chosen(demanded.grid, &grids)) {
         for algorithm in algorithms.into_iter().filter(|algorithm| is_chosen(algorithm, &algorithms)) {
             let experiment = experiment(demanded, algorithm);
-            let seen = record(&experiment);
+            let again = |seen: Seen| (1..RUNS).fold(seen, |seen, _| seen.least(&record(&experiment)));
+            let seen = again(record(&experiment));
             let spent = (0..REPEATS)
                 .map(|_| measure(&experiment, demanded.cities, &seen))
                 .reduce(Spent::least)
                 .unwrap();
             let micros = |time: Duration| time.as_secs_f64() * 1e6;
+            // Of several cities in turn there is no run.
+            let in_run = if demanded.cities == 1 {
+                format!("{:.2} us", micros(mean(&spent.in_run)) / spent.mean_vehicles)
+            } else {
+                String::new()
+            };
             println!(
-                "| `{algorithm}` | {}{} | {:.1} | {:.0} us | {:.2} us | {:.0} us | {:.0} us | {:.2} | {:.2} | {:016x} |",
+                "| `{algorithm}` | {}{} | {:.1} | {} | {:.0} us | {:.2} us | {:.0} us | {:.0} us | {:.2} | {:.2} | {:016x} |",
                 if demanded.cities > 1 { format!("{} times ", demanded.cities) } else { String::new() },
                 demanded.grid,
                 spent.mean_vehicles,
-                micros(spent.mean()),
-                micros(spent.mean()) / spent.mean_vehicles,
+                in_run,
+                micros(mean(&spent.steps)),
+                micros(mean(&spent.steps)) / spent.mean_vehicles,
                 micros(spent.quantile(0.5)),
                 micros(spent.quantile(0.99)),
                 spent.pairs,
