@@ -22,7 +22,7 @@ mkdir -p "$out/scenarios"
 figures() {
     awk -F, -v name="$1" '
         NR == 1 { for (k = 1; k <= NF; k++) column[$k] = k; next }
-        { key = $1; for (k = 2; k < column["seed"]; k++) key = key " " $k; if (!(key in n)) keys[++count] = key
+        { key = ""; for (k = 1; k < column["seed"]; k++) key = key (k > 1 ? " " : "") $k; if (!(key in n)) keys[++count] = key
           n[key]++; delay = $column["mean_delay_s"] + 0; sum[key] += delay; squares[key] += delay * delay
           travel[key] += $column["mean_travel_s"]; flow[key] += $column["throughput_per_h"]; stops[key] += $column["slow_stops"]
           u2[key] += $column["int_u2_m2ps3"]; fuel[key] += $column["fuel_ml"]; cruise[key] += $column["fuel_with_cruise_ml"]
