@@ -156,7 +156,7 @@ fn crown_fragment(in: Fragment) -> @location(0) vec4<f32> {
     let bare = smoothstep(0.50, 0.78, in.colour.a);
     let least = 0.80 * near * bare * (1.0 - smoothstep(0.0, 0.65, dot(normal, to_eye)));
     let cover = clamp((0.35 * texel.g + 0.65 * sprays - least) * 12.0 + 0.5, 0.0, 1.0);
-    let leaf = PbrMaterial(texel.rgb * in.colour.rgb, in.colour.a, texel.a, 0.0, 0.4);
+    let leaf = PbrMaterial(texel.rgb * in.colour.rgb, in.colour.a, texel.a, 0.0, 0.4, 0.0);
     let seen = hdr_output(shade(leaf, in.world, normal, to_eye), vec3<f32>(0.0), from_eye);
     return vec4<f32>(seen.rgb, cover);
 }

@@ -71,7 +71,7 @@ struct Material {
 @group(1) @binding(5) var sky_sampler: sampler;
 
 // Roughness of the clear coat over car paint.
-const LACQUER: f32 = 0.12;
+const LACQUER: f32 = 0.08;
 
 // Metallic-roughness material of a pixel.
 struct PbrMaterial {
@@ -84,6 +84,8 @@ struct PbrMaterial {
     metallic: f32,
     // Share of light from behind that passes through, for leaves.
     translucent: f32,
+    // Car paint: flakes of metal under the clear coat, 0 without.
+    coated: f32,
 }
 
 // Light that leaves a surface towards the eye.
@@ -181,6 +183,11 @@ fn shade(m: PbrMaterial, world: vec3<f32>, normal: vec3<f32>, to_eye: vec3<f32>)
     let fresnel = f0 + (f90 - f0) * pow5(1.0 - dot(to_eye, halfway));
     let glint = fresnel * (ggx_specular(n_h, n_l, n_v, m.roughness) * n_l * sun_seen);
     direct += frame.sun.rgb * min(glint, vec3<f32>(12.0));
+    if m.coated > 0.0 {
+        // The base layer under the clear coat: a broad highlight in the colour of the paint.
+        let flakes = ggx_specular(n_h, n_l, n_v, 0.45) * n_l * sun_seen;
+        direct += frame.sun.rgb * m.albedo * (0.35 * m.coated * flakes);
+    }
     // Sharp reflections show distant things, which nearby occluders do not hide.
     ambient += mirror * m.roughness;
     direct += mirror * (1.0 - m.roughness);

@@ -21,8 +21,8 @@ struct Fragment {
     @location(1) normal: vec3<f32>,
     @location(2) albedo: vec4<f32>,
     @location(3) glow: vec3<f32>,
-    // Roughness, metallic.
-    @location(4) @interpolate(flat) finish: vec2<f32>,
+    // Roughness, metallic, share of light that clear glass absorbs, 1 for paint.
+    @location(4) @interpolate(flat) finish: vec4<f32>,
 }
 
 // Albedo of the whitest paint.
@@ -51,7 +51,7 @@ fn surface_of(in: VertexIn) -> SurfaceVertex {
     out.glow = vec3<f32>(0.0);
     switch part_of(in) {
         case PAINT: { albedo *= in.paint.rgb * select(PAINT_REFLECTS, 1.0, flat_light); gloss = 0.5; }
-        case GLASS: { gloss = 1.0; }
+        case GLASS, LENS: { gloss = 1.0; }
         case HEAD: { gloss = 0.9; out.glow = vec3<f32>(0.9, 0.88, 0.8) * (0.5 + 4.0 * frame.zenith.w); }
         case TAIL: { gloss = 0.6; out.glow = vec3<f32>(1.0, 0.02, 0.01) * (0.12 + 0.9 * frame.zenith.w + in.lamps.x * 4.5); }
         case INDICATOR_LEFT: { gloss = 0.6; out.glow = vec3<f32>(1.0, 0.32, 0.01) * in.lamps.y * 5.0; }
@@ -76,9 +76,11 @@ fn vertex_main(in: VertexIn) -> Fragment {
     let behind = select(0.0, 0.02, part == GLASS);
     out.albedo = vec4<f32>(surface.material.albedo + behind, surface.material.openness);
     let rough = f32((in.material >> 8u) & 0xffu) / 255.0;
-    out.finish = vec2<f32>(
+    out.finish = vec4<f32>(
         select(rough, LACQUER, part == PAINT || (part >= HEAD && part <= REVERSE)),
         f32((in.material >> 16u) & 0xffu) / 255.0,
+        select(0.05, 0.42, part == GLASS),
+        select(0.0, 1.0, part == PAINT),
     );
     out.glow = surface.glow;
     return out;
@@ -92,9 +94,31 @@ fn fragment_main(in: Fragment) -> @location(0) vec4<f32> {
     m.roughness = in.finish.x;
     m.metallic = in.finish.y;
     m.translucent = 0.0;
+    m.coated = in.finish.w;
     let from_eye = in.world - view.eye.xyz;
     let lit = shade(m, in.world, normalize(in.normal), -normalize(from_eye));
     return hdr_output(lit, in.glow, from_eye);
+}
+
+// Clear glass: the reflection of the sky by Fresnel over what is behind it, premultiplied.
+@fragment
+fn glass_fragment(in: Fragment) -> @location(0) vec4<f32> {
+    let from_eye = in.world - view.eye.xyz;
+    let to_eye = -normalize(from_eye);
+    let normal = normalize(in.normal);
+    let n_v = max(dot(normal, to_eye), 1e-3);
+    let fresnel = 0.05 + 0.90 * pow5(1.0 - n_v);
+    var radiance = reflected_radiance(in.world, reflect(-to_eye, normal), 0.02) * fresnel;
+    let n_l = dot(normal, frame.to_sun.xyz);
+    if n_l > 0.0 {
+        let halfway = normalize(frame.to_sun.xyz + to_eye);
+        let glint = ggx_specular(max(dot(normal, halfway), 0.0), n_l, n_v, 0.1) * n_l * fresnel;
+        radiance += frame.sun.rgb * min(glint * sun_visibility(in.world, normal), 12.0);
+    }
+    let covers = 1.0 - (1.0 - fresnel) * (1.0 - in.finish.z);
+    let clear = fog_transmittance(from_eye, view.eye.z, frame.haze.w);
+    let seen = radiance * clear + frame.haze.rgb * (covers * (1.0 - clear));
+    return vec4<f32>(min(seen, vec3<f32>(3e4)), covers);
 }
 
 fn untextured_of(in: VertexIn) -> Untextured {

@@ -22,9 +22,13 @@ pub struct Measures {
 /// A fitted car: bodies in the body frame, wheels about their own centres, the outer face towards +y.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct FittedCar {
-    /// Finest body, without wheels.
+    /// Finer body for what is near, if the model has one.
+    pub near_body: Option<Vec<MeshPrimitive>>,
+    /// Finer wheel, if the model has one.
+    pub near_wheel: Option<Vec<MeshPrimitive>>,
+    /// Usual body, without wheels.
     pub body: Vec<MeshPrimitive>,
-    /// Finest wheel, drawn four times; empty if the model has none.
+    /// Usual wheel, drawn four times; empty if the model has none.
     pub wheel: Vec<MeshPrimitive>,
     /// Coarser body, if the model has one.
     pub far_body: Option<Vec<MeshPrimitive>>,
@@ -38,19 +42,22 @@ pub struct FittedCar {
 
 /// Name prefix of wheels.
 const WHEEL: &str = "wheel";
+/// Name prefix of the finer level of detail for what is near.
+const NEAR: &str = "near_";
+const NEAR_WHEEL: &str = "near_wheel";
 /// Name prefix of distant levels of detail.
 const FAR: &str = "far_";
 const FAR_WHEEL: &str = "far_wheel";
 /// Name prefix of the farthest level of detail, wheels included.
 const FARTHER: &str = "farther_";
 
-/// Whether a node belongs to a distant level of detail.
-pub fn is_distant_lod(node: &ModelNode) -> bool {
-    node.name.starts_with(FAR) || node.name.starts_with(FARTHER)
+/// Whether a node belongs to a finer or coarser level of detail than the usual one.
+pub fn is_other_lod(node: &ModelNode) -> bool {
+    [NEAR, FAR, FARTHER].iter().any(|prefix| node.name.starts_with(prefix))
 }
 
 fn is_body(node: &ModelNode) -> bool {
-    !node.name.starts_with(WHEEL) && !is_distant_lod(node)
+    !node.name.starts_with(WHEEL) && !is_other_lod(node)
 }
 
 /// A piecewise linear function, extrapolated beyond its knots.
@@ -86,7 +93,7 @@ impl PiecewiseLinear {
 /// Fits a model: the bounding box of its body and wheels becomes the vehicle's; wheels and axles move to
 /// those of the vehicle.
 pub fn fitted(model: &Model, measures: &Measures) -> FittedCar {
-    let Some([low, high]) = model.bounds(|node| !is_distant_lod(node)) else {
+    let Some([low, high]) = model.bounds(|node| !is_other_lod(node)) else {
         return FittedCar::default();
     };
     let wheels: Vec<&ModelNode> = model.nodes.iter().filter(|node| node.name.starts_with(WHEEL)).collect();
@@ -145,7 +152,10 @@ pub fn fitted(model: &Model, measures: &Measures) -> FittedCar {
     };
     let far = stretched(&|node| node.name.starts_with(FAR) && !node.name.starts_with(FAR_WHEEL));
     let farther = stretched(&|node| node.name.starts_with(FARTHER));
+    let near = stretched(&|node| node.name.starts_with(NEAR) && !node.name.starts_with(NEAR_WHEEL));
     FittedCar {
+        near_body: (!near.is_empty()).then_some(near),
+        near_wheel: model.node(NEAR_WHEEL).map(wheel),
         body: stretched(&is_body),
         wheel: wheels.first().map(|node| wheel(node)).unwrap_or_default(),
         far_body: (!far.is_empty()).then_some(far),

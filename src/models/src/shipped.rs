@@ -14,12 +14,16 @@ pub const FUEL_PUMP: &str = "fuel_pump.glb";
 pub const FURNITURE: [&str; 5] = [BENCH, PICNIC_TABLE, LAMP, BIN, FUEL_PUMP];
 
 /// Names of files and their bytes.
-pub const SHIPPED: [(&str, &[u8]); 10] = [
+pub const SHIPPED: [(&str, &[u8]); 14] = [
     ("sedan.glb", include_bytes!("../../../assets/models/sedan.glb")),
     ("hatchback.glb", include_bytes!("../../../assets/models/hatchback.glb")),
     ("suv.glb", include_bytes!("../../../assets/models/suv.glb")),
     ("van.glb", include_bytes!("../../../assets/models/van.glb")),
     ("pickup.glb", include_bytes!("../../../assets/models/pickup.glb")),
+    ("bus.glb", include_bytes!("../../../assets/models/bus.glb")),
+    ("truck.glb", include_bytes!("../../../assets/models/truck.glb")),
+    ("taxi.glb", include_bytes!("../../../assets/models/taxi.glb")),
+    ("estate.glb", include_bytes!("../../../assets/models/estate.glb")),
     (BENCH, include_bytes!("../../../assets/models/bench.glb")),
     (PICNIC_TABLE, include_bytes!("../../../assets/models/picnic_table.glb")),
     (LAMP, include_bytes!("../../../assets/models/lamp.glb")),

@@ -166,7 +166,7 @@ impl DeviceRenderer {
             ground_truth: None,
             overlay: None,
             static_scene: StaticScene::new(device, geometry),
-            fleet: FleetRenderer::new(device, settings.flat.is_none()),
+            fleet: FleetRenderer::new(device, settings.flat.is_none(), attachments.has_clear_glass()),
             gpu_timer: None,
             context: context.clone(),
             settings,
@@ -531,6 +531,7 @@ impl DeviceRenderer {
             self.sky.draw(pass);
             self.contact.draw(pass, &self.fleet, &visible.vehicles);
         }
+        self.vehicles.draw_glass(pass, &self.fleet, &visible.vehicles);
         if let Some(glow) = &self.glow {
             glow.draw(pass, &visible.vehicles);
         }

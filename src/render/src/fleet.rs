@@ -25,6 +25,8 @@ const FLASHES_HZ: f64 = 1.5;
 const REFERENCE_LENS_M2: f32 = 0.05;
 /// Screen-space error allowed for vehicles, as a share of that for the city.
 const VEHICLE_LOD_FACTOR: f32 = 0.75;
+/// Geometric error of the usual level where there is a finer one for what is near.
+const NEAR_ERROR_M: f32 = 0.02;
 /// Small-feature culling: wheels of a smaller diameter are not drawn.
 const MIN_WHEEL_PX: f32 = 2.0;
 
@@ -43,7 +45,10 @@ struct GpuMesh {
 
 #[derive(Clone, Debug)]
 struct GpuMeshLod {
+    /// All of the body.
     body: Range<u32>,
+    /// Its clear glass, at the end of `body`; empty where glass is opaque.
+    glass: Range<u32>,
     /// Empty if the body includes the wheels.
     wheel: Range<u32>,
     error_m: f32,
@@ -101,8 +106,17 @@ impl VisibleVehicle {
 }
 
 impl GpuMesh {
-    /// Uploads a fitted model. A coarser level that does not fit the buffers any more is left out.
-    fn new(device: &wgpu::Device, fitted: FittedVehicle) -> Self {
+    /// Uploads a fitted model, with its near level if wanted. A coarser level that does not fit the buffers any more is
+    /// left out.
+    fn new(device: &wgpu::Device, mut fitted: FittedVehicle, has_near_level: bool) -> Self {
+        let mut opaque = None;
+        if let Some(mut near) = fitted.near.take().filter(|_| has_near_level) {
+            opaque = Some(near.body.glass_last());
+            if let Some(usual) = fitted.levels.first_mut() {
+                usual.error_m = NEAR_ERROR_M;
+            }
+            fitted.levels.insert(0, near);
+        }
         let most = device.limits().max_buffer_size as usize;
         let mut mesh = VehicleMesh::default();
         let mut levels = Vec::with_capacity(fitted.levels.len());
@@ -115,7 +129,9 @@ impl GpuMesh {
                     mesh.append(part, Vec3::ZERO, Vec3::ONE);
                     start..mesh.indices.len() as u32
                 });
-                levels.push(GpuMeshLod { body, wheel, error_m: level.error_m });
+                let is_near = levels.is_empty();
+                let glass = opaque.filter(|_| is_near).map_or(0..0, |count| body.start + count..body.end);
+                levels.push(GpuMeshLod { body, glass, wheel, error_m: level.error_m });
             }
         }
         let buffer = |contents: &[u8], usage| filled_buffer(device, "vehicles", contents, usage);
@@ -180,10 +196,12 @@ pub(super) struct FleetRenderer {
     ego_views: BTreeMap<MeshKey, EgoViews<OwnBody>>,
     /// Whether instances hold the paint as linear light instead of sRGB.
     is_paint_linear: bool,
+    /// Whether vehicles have their finer level for what is near.
+    has_near_level: bool,
 }
 
 impl FleetRenderer {
-    pub(super) fn new(device: &wgpu::Device, is_paint_linear: bool) -> Self {
+    pub(super) fn new(device: &wgpu::Device, is_paint_linear: bool, has_near_level: bool) -> Self {
         let capacity = 64;
         Self {
             models: vehicle::VehicleModels::default(),
@@ -193,6 +211,7 @@ impl FleetRenderer {
             placed: Vec::new(),
             ego_views: BTreeMap::new(),
             is_paint_linear,
+            has_near_level,
         }
     }
 
@@ -211,7 +230,7 @@ impl FleetRenderer {
         let (mut bodies, mut wheels, mut contacts) = (Vec::new(), Vec::new(), Vec::new());
         for (state, info) in snapshot.iter() {
             let d = &info.dimensions;
-            let height_m = d.height_m * info.appearance.body.height_factor();
+            let height_m = info.appearance.body.height_m(d);
             let half = Vec3::new(d.length_m as f32, d.width_m as f32, height_m as f32) / 2.0;
             let key = MeshKey::new(info.appearance.body, d);
             let lamps = lamps(state, snapshot.time_s);
@@ -254,7 +273,7 @@ impl FleetRenderer {
         for info in snapshot.roster.iter() {
             let (kind, d) = (info.appearance.body, &info.dimensions);
             let models = &self.models;
-            let fit = || GpuMesh::new(device, models.fit(kind, d));
+            let fit = || GpuMesh::new(device, models.fit(kind, d), self.has_near_level);
             self.meshes.entry(MeshKey::new(kind, d)).or_insert_with(fit);
         }
     }
@@ -340,21 +359,39 @@ impl FleetRenderer {
         })
     }
 
-    /// Draws bodies and wheels. The caller has set bind groups and pipeline.
-    pub(super) fn draw(&self, pass: &mut wgpu::RenderPass<'_>, visible: &[VisibleVehicle]) {
+    /// Draws the clear glass of bodies, back to front. The caller has set bind groups and pipeline.
+    pub(super) fn draw_glass(&self, pass: &mut wgpu::RenderPass<'_>, visible: &[VisibleVehicle]) {
+        pass.set_vertex_buffer(1, self.instances.slice(..));
+        // A camera on a vehicle is behind its glass.
+        for vehicle in visible.iter().rev().filter(|vehicle| vehicle.own_body.is_none()) {
+            let Some(mesh) = self.meshes.get(&self.placed[vehicle.index].key) else { continue };
+            let Some(level) = mesh.levels.get(vehicle.level).filter(|level| !level.glass.is_empty()) else {
+                continue;
+            };
+            mesh.bind(pass);
+            let index = vehicle.index as u32;
+            pass.draw_indexed(level.glass.clone(), 0, index..index + 1);
+        }
+    }
+
+    /// Draws bodies and wheels, with or without clear glass. The caller has set bind groups and pipeline.
+    pub(super) fn draw(&self, pass: &mut wgpu::RenderPass<'_>, visible: &[VisibleVehicle], with_glass: bool) {
         pass.set_vertex_buffer(1, self.instances.slice(..));
         let count = self.placed.len() as u32;
         for vehicle in visible {
             let Some(mesh) = self.meshes.get(&self.placed[vehicle.index].key) else { continue };
             let index = vehicle.index as u32;
-            let Some(GpuMeshLod { body, wheel, .. }) = mesh.levels.get(vehicle.level) else { continue };
+            let Some(GpuMeshLod { body, glass, wheel, .. }) = mesh.levels.get(vehicle.level) else {
+                continue;
+            };
             mesh.bind(pass);
             if let Some(own) = &vehicle.own_body {
                 pass.set_index_buffer(own.indices.slice(..), wgpu::IndexFormat::Uint32);
                 pass.draw_indexed(0..own.count, 0, index..index + 1);
                 continue;
             }
-            pass.draw_indexed(body.clone(), 0, index..index + 1);
+            let end = if with_glass { body.end } else { body.end - glass.len() as u32 };
+            pass.draw_indexed(body.start..end, 0, index..index + 1);
             if vehicle.has_wheels && !wheel.is_empty() {
                 let first = count + 4 * index;
                 pass.draw_indexed(wheel.clone(), 0, first..first + 4);
@@ -368,7 +405,7 @@ impl FleetRenderer {
         pass.set_vertex_buffer(1, self.instances.slice(..));
         for (index, placed) in (0_u32..).zip(&self.placed) {
             let Some(mesh) = self.meshes.get(&placed.key) else { continue };
-            let Some(level) = mesh.levels.iter().take(2).rfind(|level| level.error_m < 2.0 * texel_m) else {
+            let Some(level) = mesh.levels.iter().take(3).rfind(|level| level.error_m < 2.0 * texel_m) else {
                 continue;
             };
             mesh.bind(pass);

@@ -204,6 +204,7 @@ fn vehicle_part_constants() -> String {
         ("INDICATOR_RIGHT", VehiclePart::IndicatorRight),
         ("REVERSE", VehiclePart::Reverse),
         ("BRIGHT", VehiclePart::Bright),
+        ("LENS", VehiclePart::Lens),
     ];
     parts.map(|(name, part)| format!("const {name}: u32 = {}u;\n", part as u32)).concat()
 }

@@ -32,7 +32,7 @@ impl BoundingBox {
     /// The box of a vehicle.
     pub fn of(vehicle: &VehicleState, info: &VehicleInfo) -> Self {
         let d = &info.dimensions;
-        let size_m = DVec3::new(d.length_m, d.width_m, d.height_m * info.appearance.body.height_factor());
+        let size_m = DVec3::new(d.length_m, d.width_m, info.appearance.body.height_m(d));
         let up = vehicle.orientation * DVec3::Z;
         Self { centre: vehicle.position + up * (size_m.z / 2.0), size_m, orientation: vehicle.orientation }
     }

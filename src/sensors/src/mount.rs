@@ -1,7 +1,7 @@
 //! Camera extrinsics from a snapshot: each camera gives a [`View`] of one instant.
 
 use super::{Extrinsics, Lens, View};
-use city3d_protocol::snapshot::{Dimensions, FrameSnapshot, VehicleId, VehicleInfo, VehicleState};
+use city3d_protocol::snapshot::{FrameSnapshot, VehicleId, VehicleInfo, VehicleState};
 use glam::{DMat3, DQuat, DVec2, DVec3};
 use serde::{Deserialize, Serialize};
 
@@ -32,7 +32,7 @@ pub enum Mount {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum MountPoint {
-    /// Behind the mirror, as far ahead and as high as the vehicle's length and height imply.
+    /// Behind the mirror, as far ahead and as high as the vehicle's body, length and height imply.
     Windscreen,
     /// In the middle of the front bumper.
     Bumper,
@@ -42,9 +42,14 @@ pub enum MountPoint {
 }
 
 impl MountPoint {
-    fn in_body(self, d: &Dimensions) -> DVec3 {
+    fn in_body(self, info: &VehicleInfo) -> DVec3 {
+        let (d, body) = (&info.dimensions, info.appearance.body);
         match self {
-            Self::Windscreen => DVec3::new(0.11 * d.length_m, 0.0, 0.88 * d.height_m),
+            Self::Windscreen => {
+                // A van's driver sits higher than a sedan's.
+                let [ahead, up] = body.windscreen_shares();
+                DVec3::new(ahead * d.length_m, 0.0, up * body.height_m(d))
+            }
             Self::Bumper => DVec3::new(0.5 * d.length_m + 0.03, 0.0, 0.55),
             Self::Point(point) => point,
         }
@@ -126,10 +131,7 @@ impl Mount {
             Self::Bumper => (MountPoint::Bumper, [0.0, MountPoint::Bumper.usual_pitch_rad(), 0.0]),
             Self::Custom { place, yaw_rad, pitch_rad, roll_rad } => (place, [yaw_rad, pitch_rad, roll_rad]),
         };
-        // A van's driver sits higher than a sedan's.
-        let height_m = info.dimensions.height_m * info.appearance.body.height_factor();
-        let dimensions = Dimensions { height_m, ..info.dimensions };
-        (place.in_body(&dimensions), body_from_camera(yaw_rad, pitch_rad, roll_rad))
+        (place.in_body(info), body_from_camera(yaw_rad, pitch_rad, roll_rad))
     }
 }
 
@@ -209,7 +211,7 @@ fn outside_of_others(
         }
         let into_body = other.orientation.inverse();
         let eye = into_body * (extrinsics.position - other.position);
-        let height_m = d.height_m * info.appearance.body.height_factor();
+        let height_m = info.appearance.body.height_m(d);
         let half = DVec2::new(d.length_m, d.width_m) / 2.0 + CLEARANCE_M;
         if eye.x.abs() < half.x && eye.y.abs() < half.y && (0.0..height_m).contains(&eye.z) {
             // To the nearer of the faces that lie on the way back (slab test).
@@ -238,7 +240,7 @@ fn carrier(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use city3d_protocol::snapshot::Appearance;
+    use city3d_protocol::snapshot::{Appearance, Dimensions};
     use std::sync::Arc;
 
     fn snapshot(yaw_rad: f64) -> FrameSnapshot {

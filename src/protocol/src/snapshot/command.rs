@@ -1,7 +1,7 @@
 //! Commands: the only way to change the world. Network packets, key presses and replayed logs all become
 //! commands.
 
-use super::{Indicator, SignalAspects, VehicleId, VehicleSpec};
+use super::{Dimensions, Indicator, SignalAspects, VehicleId, VehicleSpec};
 use city3d_geometry::{City, Frame, Lab, LengthScale, Pose2};
 use glam::{DQuat, DVec3};
 use serde::{Deserialize, Serialize};
@@ -94,18 +94,55 @@ pub enum BodyType {
     Pickup,
     /// A user's model, by index in the scenario.
     Own(u16),
+    /// City bus; as high as its dimensions state.
+    Bus,
+    /// Delivery truck, a cab and a box; as high as its dimensions state.
+    Truck,
+    /// Sedan with a sign on its roof.
+    Taxi,
+    /// Car with a long roof and a rear door.
+    Estate,
 }
 
 impl BodyType {
-    /// Height factor of the body relative to the stated vehicle height, which is a sedan's. It affects
-    /// drawing only.
-    pub fn height_factor(self) -> f64 {
+    /// The shipped bodies by name, which is also that of the model's file. The place in this list is the number on the
+    /// wire.
+    pub const SHIPPED: [(&str, Self); 9] = [
+        ("sedan", Self::Sedan),
+        ("hatchback", Self::Hatchback),
+        ("suv", Self::Suv),
+        ("van", Self::Van),
+        ("pickup", Self::Pickup),
+        ("bus", Self::Bus),
+        ("truck", Self::Truck),
+        ("taxi", Self::Taxi),
+        ("estate", Self::Estate),
+    ];
+
+    /// Height of the drawn body above the road, metres. The height of the dimensions is a sedan's, and other cars have a
+    /// factor. A bus or a truck is as high as stated, but at least higher than wide. It affects drawing only.
+    pub fn height_m(self, dimensions: &Dimensions) -> f64 {
+        let stated_m = dimensions.height_m;
         match self {
-            Self::Sedan | Self::Own(_) => 1.0,
-            Self::Hatchback => 1.02,
-            Self::Suv => 1.18,
-            Self::Pickup => 1.17,
-            Self::Van => 1.40,
+            Self::Sedan | Self::Own(_) => stated_m,
+            Self::Hatchback | Self::Estate => 1.02 * stated_m,
+            // With the sign on its roof.
+            Self::Taxi => 1.10 * stated_m,
+            Self::Suv => 1.18 * stated_m,
+            Self::Pickup => 1.17 * stated_m,
+            Self::Van => 1.40 * stated_m,
+            Self::Bus | Self::Truck => stated_m.max(1.12 * dimensions.width_m),
+        }
+    }
+
+    /// Where a camera behind the windscreen is: shares of the length ahead of the middle, and of the height.
+    pub fn windscreen_shares(self) -> [f64; 2] {
+        match self {
+            Self::Bus => [0.455, 0.68],
+            Self::Truck => [0.40, 0.71],
+            // The sign above the roof does not lift the camera.
+            Self::Taxi => [0.11, 0.80],
+            _ => [0.11, 0.88],
         }
     }
 }

@@ -18,8 +18,6 @@ pub const MAX_TORQUE_POINTS: usize = 24;
 const MAX_NUMBER: f64 = 1e12;
 /// Body numbers from here on are the scenario's own models.
 const FIRST_OWN_BODY: u16 = 256;
-const BODIES: [BodyType; 5] =
-    [BodyType::Sedan, BodyType::Hatchback, BodyType::Suv, BodyType::Van, BodyType::Pickup];
 const DRIVES: [Drive; 3] = [Drive::Front, Drive::Rear, Drive::All];
 const MODELS: [ModelKind; 3] = [ModelKind::Raycast, ModelKind::Bicycle, ModelKind::Measured];
 
@@ -149,7 +147,7 @@ impl VehicleSetup {
 pub(super) fn write_appearance(appearance: &Appearance, out: &mut ByteWriter) {
     out.u16(match appearance.body {
         BodyType::Own(index) => FIRST_OWN_BODY.saturating_add(index),
-        body => BODIES.iter().position(|shipped| *shipped == body).unwrap_or(0) as u16,
+        body => BodyType::SHIPPED.iter().position(|(_, shipped)| *shipped == body).unwrap_or(0) as u16,
     });
     appearance.colour.into_iter().for_each(|part| out.u8(part));
 }
@@ -166,7 +164,7 @@ fn read_body(from: &mut ByteReader<'_>) -> Result<BodyType, DecodeError> {
     }
     let known = "0 to 4, and from 256 on the scenario's own";
     let unknown = || from.error("body", 2, DecodeFault::Unknown { found: found.into(), known });
-    BODIES.get(usize::from(found)).copied().ok_or_else(unknown)
+    BodyType::SHIPPED.get(usize::from(found)).map(|(_, body)| *body).ok_or_else(unknown)
 }
 
 /// Reads the number of following items, one byte.

@@ -104,7 +104,7 @@ impl GroundTruthPass {
         tile.set_viewport(pass);
         pass.set_bind_group(0, &uniforms.group, &[(view * UNIFORM_STRIDE) as u32]);
         pass.set_pipeline(&self.vehicles);
-        fleet.draw(pass, &visible.vehicles);
+        fleet.draw(pass, &visible.vehicles, true);
         tile.set_scissor_rows(pass, visible.visible_rows);
         pass.set_pipeline(&self.city);
         for objects in visible.ranges.all_objects() {

@@ -51,6 +51,11 @@ impl Attachments {
         Self { format, display_format, samples, vertex_lit, is_flat }
     }
 
+    /// Whether near vehicles have clear glass, which needs light per pixel.
+    pub(super) fn has_clear_glass(self) -> bool {
+        !self.vertex_lit && !self.is_flat
+    }
+
     /// How shaders read the samples.
     fn sample_count(self) -> SampleCount {
         if self.samples > 1 { SampleCount::Multi } else { SampleCount::Single }

@@ -35,6 +35,8 @@ pub(crate) mod gpu_data {
 #[derive(Debug)]
 pub(crate) struct VehiclePass {
     pipeline: wgpu::RenderPipeline,
+    /// Of clear glass, blended over what is behind it.
+    glass: Option<wgpu::RenderPipeline>,
 }
 
 impl VehiclePass {
@@ -44,28 +46,50 @@ impl VehiclePass {
         (frame_constants, constants): (&Frame, &[(&str, f64)]),
         groups: [&wgpu::BindGroupLayout; 2],
     ) -> Self {
-        let pipeline = scene_pipeline(
-            device,
-            attachments,
-            &ScenePipelineState {
+        let module = Shader::Vehicle.module(device, Some(frame_constants));
+        let pipeline = |entries, blend: Option<wgpu::BlendState>| {
+            let state = ScenePipelineState {
                 shader: Shader::Vehicle,
-                module: &Shader::Vehicle.module(device, Some(frame_constants)),
-                entries: if attachments.vertex_lit {
-                    attachments.untextured_entries()
-                } else {
-                    attachments.entries()
-                },
+                module: &module,
+                entries,
                 groups: &[Some(groups[0]), Some(groups[1])],
                 buffers: &[Some(city::gpu_data::LAYOUT), Some(gpu_data::LAYOUT)],
                 constants,
                 topology: wgpu::PrimitiveTopology::TriangleList,
                 cull_back_faces: true,
-                blend: None,
+                blend,
                 alpha_to_coverage: false,
-                write_depth: true,
-            },
-        );
-        Self { pipeline }
+                write_depth: blend.is_none(),
+            };
+            scene_pipeline(device, attachments, &state)
+        };
+        let entries =
+            if attachments.vertex_lit { attachments.untextured_entries() } else { attachments.entries() };
+        let blended = || {
+            // Premultiplied; the ambient share of what is behind stays.
+            let colour = wgpu::BlendState::PREMULTIPLIED_ALPHA_BLENDING.color;
+            let alpha = wgpu::BlendComponent {
+                src_factor: wgpu::BlendFactor::Zero,
+                dst_factor: wgpu::BlendFactor::One,
+                operation: wgpu::BlendOperation::Add,
+            };
+            pipeline(["vertex_main", "glass_fragment"], Some(wgpu::BlendState { color: colour, alpha }))
+        };
+        let glass = attachments.has_clear_glass().then(blended);
+        Self { pipeline: pipeline(entries, None), glass }
+    }
+
+    /// Draws the clear glass of visible vehicles, over everything opaque. The caller has set bind groups 0 and 1.
+    pub(crate) fn draw_glass(
+        &self,
+        pass: &mut wgpu::RenderPass<'_>,
+        fleet: &FleetRenderer,
+        visible: &[VisibleVehicle],
+    ) {
+        if let Some(glass) = self.glass.as_ref().filter(|_| !visible.is_empty()) {
+            pass.set_pipeline(glass);
+            fleet.draw_glass(pass, visible);
+        }
     }
 
     /// Draws visible vehicles. The caller has set bind groups 0 and 1.
@@ -79,7 +103,7 @@ impl VehiclePass {
             return;
         }
         pass.set_pipeline(&self.pipeline);
-        fleet.draw(pass, visible);
+        fleet.draw(pass, visible, false);
     }
 }
 

@@ -31,6 +31,8 @@ pub(super) enum VehiclePart {
     IndicatorRight = 6,
     Reverse = 7,
     Bright = 8,
+    /// Clear cover of a lamp.
+    Lens = 9,
 }
 
 impl VehiclePart {
@@ -54,6 +56,7 @@ impl VehiclePart {
         match name.as_str() {
             "paint" => Self::Paint,
             "glass" => Self::Glass,
+            "lens" => Self::Lens,
             "head" => Self::Head,
             "tail" => Self::Tail,
             "indicator_left" => Self::IndicatorLeft,
@@ -95,6 +98,20 @@ impl VehicleMesh {
             mesh.indices.extend(part.indices.iter().map(|k| k + base));
         }
         mesh
+    }
+
+    /// Moves the triangles of glass behind all others, and counts the indices before them.
+    pub(super) fn glass_last(&mut self) -> u32 {
+        let is_glass = |k: u32| {
+            let part = self.vertices[k as usize].material & 0xff;
+            part == VehiclePart::Glass as u32 || part == VehiclePart::Lens as u32
+        };
+        let (faces, _) = self.indices.as_chunks::<3>();
+        let (glass, opaque): (Vec<[u32; 3]>, Vec<[u32; 3]>) =
+            faces.iter().partition(|face| is_glass(face[0]));
+        let count = 3 * opaque.len() as u32;
+        self.indices = opaque.into_iter().chain(glass).flatten().collect();
+        count
     }
 
     /// Bytes of its vertices and of its indices.

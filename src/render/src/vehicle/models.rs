@@ -31,6 +31,8 @@ pub(crate) struct FittedLod {
 /// Model fitted to the dimensions of a vehicle.
 #[derive(Clone, Debug)]
 pub(crate) struct FittedVehicle {
+    /// Finer level for what is near, with an interior behind clear glass. Only for lighting per pixel.
+    pub(crate) near: Option<FittedLod>,
     /// Levels of detail, the finest first.
     pub(crate) levels: Vec<FittedLod>,
     /// Lamps as light sources.
@@ -41,16 +43,12 @@ pub(crate) struct FittedVehicle {
 
 impl Default for VehicleModels {
     fn default() -> Self {
-        let files = [
-            (BodyType::Sedan, "sedan.glb"),
-            (BodyType::Hatchback, "hatchback.glb"),
-            (BodyType::Suv, "suv.glb"),
-            (BodyType::Van, "van.glb"),
-            (BodyType::Pickup, "pickup.glb"),
-        ];
         // Tests make sure that the shipped files are readable.
-        let load = |(body, file)| Some((body, Arc::new(glb::read(shipped(file)?).ok()?)));
-        Self { models: files.into_iter().filter_map(load).collect() }
+        let load = |(name, body): (&str, BodyType)| {
+            let bytes = shipped(&format!("{name}.glb"))?;
+            Some((body, Arc::new(glb::read(bytes).ok()?)))
+        };
+        Self { models: BodyType::SHIPPED.into_iter().filter_map(load).collect() }
     }
 }
 
@@ -68,7 +66,7 @@ impl VehicleModels {
         let measures = Measures {
             length: d.length_m as f32,
             width: d.width_m as f32,
-            height: (d.height_m * body.height_factor()) as f32,
+            height: body.height_m(d) as f32,
             wheelbase: d.wheelbase_m as f32,
             wheel_radius: d.wheel_radius_m as f32,
         };
@@ -97,6 +95,11 @@ impl VehicleModels {
             Some(parts) => VehicleMesh::new(parts),
             None => finest.simplified(COARSENESS_M[1]),
         };
+        let near = fitted.near_body.as_ref().map(|parts| {
+            let near_wheel = fitted.near_wheel.as_deref().map(VehicleMesh::new);
+            let wheel = near_wheel.unwrap_or_else(|| wheel.clone());
+            FittedLod { body: VehicleMesh::new(parts), wheel, error_m: 0.0 }
+        });
         let lenses = body.lenses();
         let mut levels = vec![FittedLod { body, wheel, error_m: 0.0 }];
         for ((body, wheel), least_m) in
@@ -106,13 +109,13 @@ impl VehicleModels {
             let error_m = finest.outline_apart(&whole(&body, &wheel)).max(least_m).max(before_m);
             levels.push(FittedLod { body, wheel, error_m });
         }
-        FittedVehicle { levels, lenses, half_track_m }
+        FittedVehicle { near, levels, lenses, half_track_m }
     }
 }
 
 impl FittedVehicle {
     fn empty(d: &Dimensions) -> Self {
-        Self { levels: Vec::new(), lenses: Vec::new(), half_track_m: d.track_m as f32 / 2.0 }
+        Self { near: None, levels: Vec::new(), lenses: Vec::new(), half_track_m: d.track_m as f32 / 2.0 }
     }
 }
 
@@ -121,7 +124,7 @@ mod tests {
     use super::super::{MOST_LENSES, VehiclePart};
     use super::*;
     use city3d_models::{MeshPrimitive, ModelNode};
-    use glam::Affine3A;
+    use glam::{Affine3A, DVec3};
 
     fn dimensions(height_m: f64) -> Dimensions {
         Dimensions {
@@ -134,22 +137,32 @@ mod tests {
         }
     }
 
-    const BODIES: [BodyType; 5] =
-        [BodyType::Sedan, BodyType::Hatchback, BodyType::Suv, BodyType::Van, BodyType::Pickup];
+    /// Each body with dimensions of its kind.
+    fn bodies() -> impl Iterator<Item = (BodyType, Dimensions)> {
+        let length = |body| match body {
+            BodyType::Bus => [11.0, 2.9, 5.6, 0.48],
+            BodyType::Truck => [6.9, 2.5, 3.9, 0.4],
+            _ => [5.0, 2.5, 3.0, 0.35],
+        };
+        BodyType::SHIPPED.into_iter().map(move |(_, body)| {
+            let [length_m, width_m, wheelbase_m, wheel_radius_m] = length(body);
+            (body, Dimensions { length_m, width_m, wheelbase_m, wheel_radius_m, ..dimensions(1.5) })
+        })
+    }
 
     #[test]
     fn bodies_fill_their_outline_and_face_outwards() {
-        for kind in BODIES {
-            let d = dimensions(1.5);
+        for (kind, d) in bodies() {
             let fitted = VehicleModels::default().fit(kind, &d);
             for mesh in fitted.levels[..2].iter().map(|level| &level.body) {
                 let (mut low, mut high) = (Vec3::INFINITY, Vec3::NEG_INFINITY);
                 for v in &mesh.vertices {
                     (low, high) = (low.min(v.position.into()), high.max(v.position.into()));
                 }
-                let top = (1.5 * kind.height_factor()) as f32;
-                assert!((high.x - 2.5).abs() < 0.03 && (low.x + 2.5).abs() < 0.03, "{kind:?} {low} {high}");
-                assert!((high.y - 1.25).abs() < 0.03 && (low.y + 1.25).abs() < 0.03, "{kind:?} {low} {high}");
+                let top = kind.height_m(&d) as f32;
+                let [x, y] = [d.length_m, d.width_m].map(|m| m as f32 / 2.0);
+                assert!((high.x - x).abs() < 0.03 && (low.x + x).abs() < 0.03, "{kind:?} {low} {high}");
+                assert!((high.y - y).abs() < 0.03 && (low.y + y).abs() < 0.03, "{kind:?} {low} {high}");
                 assert!((high.z - top).abs() < 0.06 && low.z > 0.05, "{kind:?} {low} {high}");
             }
         }
@@ -169,8 +182,8 @@ mod tests {
 
     #[test]
     fn far_bodies_have_few_faces_and_every_lamp() {
-        for kind in BODIES {
-            let fitted = VehicleModels::default().fit(kind, &dimensions(1.5));
+        for (kind, d) in bodies() {
+            let fitted = VehicleModels::default().fit(kind, &d);
             let counts: Vec<usize> = fitted.levels.iter().map(faces).collect();
             let errors: Vec<f32> = fitted.levels.iter().map(|level| level.error_m).collect();
             assert_eq!(counts.len(), 3, "{kind:?}");
@@ -188,11 +201,10 @@ mod tests {
     /// From behind the windscreen nothing is in the way but the bonnet.
     #[test]
     fn the_windscreen_camera_is_behind_the_glass() {
-        for kind in BODIES {
-            let d = dimensions(1.5);
+        for (kind, d) in bodies() {
             let fitted = VehicleModels::default().fit(kind, &d);
-            let height = d.height_m * kind.height_factor();
-            let eye = Vec3::new(0.11 * d.length_m as f32, 0.0, (0.88 * height) as f32);
+            let [ahead, up] = kind.windscreen_shares();
+            let eye = DVec3::new(ahead * d.length_m, 0.0, up * kind.height_m(&d)).as_vec3();
             let mesh = &fitted.levels[0].body;
             let corner = |k: u32| Vec3::from(mesh.vertices[k as usize].position);
             for t in mesh.indices.chunks_exact(3) {
@@ -207,12 +219,12 @@ mod tests {
     /// A model of a user's need not have anything for a distance.
     #[test]
     fn lamps_outlast_simplification() {
-        for kind in BODIES {
+        for (kind, d) in bodies() {
             let mut models = VehicleModels::default();
             let mut model = Model::clone(&models.models[&kind]);
-            model.nodes.retain(|node| !city3d_models::is_distant_lod(node));
+            model.nodes.retain(|node| !city3d_models::is_other_lod(node));
             models.insert(kind, Arc::new(model));
-            let fitted = models.fit(kind, &dimensions(1.5));
+            let fitted = models.fit(kind, &d);
             let counts: Vec<usize> = fitted.levels.iter().map(faces).collect();
             assert!(counts.len() == 3 && counts.is_sorted_by(|a, b| a > b), "{kind:?}: {counts:?}");
             for level in &fitted.levels {

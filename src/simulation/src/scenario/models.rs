@@ -1,8 +1,7 @@
 //! User models: car bodies named by vehicles, and models placed by the map.
 
 use super::Library;
-use super::read_vehicles::BODIES;
-use city3d_models::{FURNITURE, Model, glb, is_distant_lod};
+use city3d_models::{FURNITURE, Model, glb, is_other_lod};
 use city3d_protocol::snapshot::BodyType;
 use city3d_roadmap::PlacedModel;
 use std::cell::RefCell;
@@ -48,7 +47,7 @@ impl<'l> ModelReader<'l> {
             Some(index) => index,
             None => {
                 let model = self.load(name)?;
-                if model.node("wheel").is_none() && model.bounds(|node| !is_distant_lod(node)).is_none() {
+                if model.node("wheel").is_none() && model.bounds(|node| !is_other_lod(node)).is_none() {
                     return Err(format!(
                         "{name}: all its meshes are for a distance (far_, farther_); name the body's node \"body\""
                     ));
@@ -64,7 +63,7 @@ impl<'l> ModelReader<'l> {
     /// ones.
     pub(super) fn finish(self, placed: &[PlacedModel]) -> (UserModels, Vec<String>) {
         let (mut models, mut problems) = (UserModels::default(), Vec::new());
-        for (name, body) in BODIES {
+        for (name, body) in BodyType::SHIPPED {
             let file = format!("{name}.glb");
             if self.library.has_own_model(&file) {
                 match self.load(&file) {

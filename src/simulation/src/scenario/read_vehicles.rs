@@ -229,13 +229,9 @@ fn read_physical(fields: &TableFields<'_, '_>, id: VehicleId, name: &str) -> Opt
     is_physical.then_some(Physical { address, subject })
 }
 
-pub(super) const BODIES: [(&str, BodyType); 5] = [
-    ("sedan", BodyType::Sedan),
-    ("hatchback", BodyType::Hatchback),
-    ("suv", BodyType::Suv),
-    ("van", BodyType::Van),
-    ("pickup", BodyType::Pickup),
-];
+/// Bodies of vehicles that state none.
+const USUAL_BODIES: [BodyType; 5] =
+    [BodyType::Sedan, BodyType::Hatchback, BodyType::Suv, BodyType::Van, BodyType::Pickup];
 
 /// Distinct colours of real cars.
 const PALETTE: [[u8; 3]; 10] = [
@@ -251,14 +247,23 @@ const PALETTE: [[u8; 3]; 10] = [
     [70, 140, 160],
 ];
 
+/// Of the palette: yellow, and two blues. Sedans and hatchbacks of these colours are taxis and estates.
+const TAXI_COLOUR: usize = 4;
+const ESTATE_COLOURS: [usize; 2] = [1, 9];
+
 /// Default appearance of a vehicle.
 pub fn default_appearance(id: VehicleId) -> Appearance {
     let index = id.0 as usize;
-    Appearance {
-        // Consecutive ids differ in both.
-        body: BODIES[(index * 2 + index / PALETTE.len()) % BODIES.len()].1,
-        colour: PALETTE[index % PALETTE.len()],
-    }
+    let colour = index % PALETTE.len();
+    // Consecutive ids differ in both.
+    let body = match (USUAL_BODIES[(index * 2 + index / PALETTE.len()) % USUAL_BODIES.len()], colour) {
+        (BodyType::Sedan | BodyType::Hatchback, TAXI_COLOUR) => BodyType::Taxi,
+        (BodyType::Sedan | BodyType::Hatchback, colour) if ESTATE_COLOURS.contains(&colour) => {
+            BodyType::Estate
+        }
+        (usual, _) => usual,
+    };
+    Appearance { body, colour: PALETTE[colour] }
 }
 
 impl ReadContext<'_> {
@@ -270,7 +275,7 @@ impl ReadContext<'_> {
                 Ok(body) => appearance.body = body,
                 Err(problem) => fields.wrong("shape", problem),
             },
-            None => fields.choice("shape", &BODIES, &mut appearance.body),
+            None => fields.choice("shape", &BodyType::SHIPPED, &mut appearance.body),
         }
         if let Some(text) = fields.string("colour") {
             match parse_colour(text) {

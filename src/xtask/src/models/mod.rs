@@ -13,10 +13,12 @@ use glam::{Vec2, Vec3};
 
 /// All models by file name.
 pub fn made() -> Vec<(String, Model)> {
-    let cars = [car::SEDAN, car::HATCHBACK, car::SUV, car::VAN, car::PICKUP];
+    let cars = [car::SEDAN, car::HATCHBACK, car::SUV, car::VAN, car::PICKUP, car::TAXI, car::ESTATE];
     let cars = cars.iter().map(|shape| (format!("{}.glb", shape.name), car::model(shape)));
+    let heavy = [car::BUS, car::TRUCK];
+    let heavy = heavy.iter().map(|shape| (format!("{}.glb", shape.name), car::heavy_model(shape)));
     let street = street::models().into_iter().map(|(name, model)| (name.to_owned(), model));
-    cars.chain(street).collect()
+    cars.chain(heavy).chain(street).collect()
 }
 
 /// A constant material for faces made in code.

@@ -7,9 +7,8 @@ mod tests;
 
 use super::read_sensors::MOUNTS;
 use super::read_settings::HUMAN;
-use super::read_vehicles::BODIES;
 use super::vehicle_type::MODELS;
-use city3d_protocol::snapshot::VehicleId;
+use city3d_protocol::snapshot::{BodyType, VehicleId};
 use layout::{keep_comments, put_behind, replace_value, set_route};
 use std::fmt;
 use thiserror::Error;
@@ -103,7 +102,7 @@ impl ScenarioDocument {
 
     /// Body types that a vehicle may have besides those of `.glb` files.
     pub fn shapes() -> impl Iterator<Item = &'static str> {
-        BODIES.iter().map(|(name, _)| *name)
+        BodyType::SHIPPED.iter().map(|(name, _)| *name)
     }
 
     /// Takes a scenario for editing; whether it can be run is not looked at.

@@ -8,14 +8,26 @@ use super::{
 use glam::Vec3;
 
 /// Radius of a wheel arch.
-const ARCH_M: f32 = 1.19 * WHEEL_RADIUS_M;
+pub(super) const ARCH_M: f32 = 1.19 * WHEEL_RADIUS_M;
 /// Position of bumpers: number plates protrude to the full length.
 const END_M: f32 = LENGTH_M / 2.0 - 0.006;
 /// Depth of the wheel wells.
 const WELL_M: f32 = 0.34;
 /// Rows of the shell from the sill (0) to the shoulder (1), and its half width there as part of the most.
-const ROWS: [(f32, f32); 7] =
-    [(0.0, 0.945), (0.15, 0.985), (0.36, 1.0), (0.60, 0.997), (0.76, 0.98), (0.92, 0.938), (1.0, 0.885)];
+/// The sill has a chamfer, and the shoulder an edge.
+const ROWS: [(f32, f32); 8] = [
+    (0.0, 0.935),
+    (0.07, 0.972),
+    (0.15, 0.988),
+    (0.36, 0.984),
+    (0.60, 0.994),
+    (0.76, 1.0),
+    (0.92, 0.938),
+    (1.0, 0.885),
+];
+const NEAR_ROWS: [f32; 7] = [0.0, 0.15, 0.36, 0.60, 0.76, 0.92, 1.0];
+/// Close rows on both sides of an edge keep it sharp.
+const CLOSE_ROWS: [f32; 13] = [0.0, 0.055, 0.085, 0.15, 0.36, 0.60, 0.74, 0.76, 0.78, 0.90, 0.92, 0.94, 1.0];
 /// Distant levels: the sides have fewer rows than the ends, which carry the lamps.
 const FAR_ROWS: [f32; 6] = [0.0, 0.15, 0.60, 0.76, 0.92, 1.0];
 const FAR_SIDE_ROWS: [f32; 3] = [0.0, 0.60, 1.0];
@@ -27,9 +39,14 @@ const FARTHER_FRONT: [f32; 3] = [0.0, 0.62, 1.0];
 const FAR_END_M: f32 = 2.14;
 const FARTHER_END_M: f32 = 2.24;
 
+/// Columns of an arch: shares of its radius.
+const NEAR_CUTS: [f32; 7] = [-1.0, -0.86, -0.5, 0.0, 0.5, 0.86, 1.0];
+const CLOSE_CUTS: [f32; 13] =
+    [-1.0, -0.966, -0.866, -0.707, -0.5, -0.259, 0.0, 0.259, 0.5, 0.707, 0.866, 0.966, 1.0];
+
 /// Position of a shell column.
 #[derive(Clone, Copy)]
-enum ShellColumn {
+pub(super) enum ShellColumn {
     /// On the side, at x, with the lower edge at least so high.
     Side(f32, f32),
     /// On the front (1) or the rear (-1), at a part of the half width.
@@ -90,7 +107,7 @@ impl CarShape {
         on.lerp(end, part.powi(6) * (1.0 - f.powi(8)))
     }
 
-    fn point(&self, column: ShellColumn, t: f32) -> Vec3 {
+    pub(super) fn point(&self, column: ShellColumn, t: f32) -> Vec3 {
         match column {
             ShellColumn::Side(x, low) => self.side_point(x, t, low),
             ShellColumn::End(facing, f) => {
@@ -104,15 +121,15 @@ impl CarShape {
 
 /// Columns of one side from the middle of the rear to the middle of the front.
 fn columns(detail: CarDetail) -> Vec<ShellColumn> {
-    let near = detail == CarDetail::Near;
+    let near = detail.is_near();
     let ends: &[f32] = match detail {
-        CarDetail::Near => &FRONT,
+        CarDetail::Near | CarDetail::Close => &FRONT,
         CarDetail::Far => &FAR_FRONT,
         CarDetail::Farther => &FARTHER_FRONT,
     };
     let mut columns: Vec<ShellColumn> = ends.iter().map(|&f| ShellColumn::End(-1.0, f)).collect();
     let [rear, front] = match detail {
-        CarDetail::Near => [-2.22, FAR_END_M],
+        CarDetail::Near | CarDetail::Close => [-2.22, FAR_END_M],
         CarDetail::Far => [-FAR_END_M, FAR_END_M],
         CarDetail::Farther => [-FARTHER_END_M, FARTHER_END_M],
     };
@@ -126,8 +143,11 @@ fn columns(detail: CarDetail) -> Vec<ShellColumn> {
         _ => &[-WHEELBASE_M / 2.0, WHEELBASE_M / 2.0],
     };
     for &axle in arches {
-        let cuts: &[f32] =
-            if near { &[-1.0, -0.86, -0.5, 0.0, 0.5, 0.86, 1.0] } else { &[-0.9, -0.5, 0.5, 0.9] };
+        let cuts: &[f32] = match detail {
+            CarDetail::Close => &CLOSE_CUTS,
+            CarDetail::Near => &NEAR_CUTS,
+            _ => &[-0.9, -0.5, 0.5, 0.9],
+        };
         columns.push(ShellColumn::Side(axle - ARCH_M, 0.0));
         columns.extend(cuts.iter().map(|&cut| {
             let up = (1.0 - cut * cut).max(0.0).sqrt();
@@ -150,12 +170,15 @@ fn openness(p: Vec3) -> u8 {
 
 pub(super) fn shell(builder: &mut PrimitiveBuilder, shape: &CarShape, detail: CarDetail) {
     let columns = columns(detail);
-    let near_rows = ROWS.map(|row| row.0);
     for side in [1.0_f32, -1.0] {
         match detail {
             CarDetail::Near => {
-                panels(builder, shape, detail, (&columns, &near_rows), side);
-                wells(builder, shape, &columns, side);
+                panels(builder, shape, detail, (&columns, &NEAR_ROWS), side);
+                wells(builder, shape, (&columns, NEAR_CUTS.len()), side);
+            }
+            CarDetail::Close => {
+                panels(builder, shape, detail, (&columns, &CLOSE_ROWS), side);
+                wells(builder, shape, (&columns, CLOSE_CUTS.len()), side);
             }
             CarDetail::Farther => panels(builder, shape, detail, (&columns, &FAR_SIDE_ROWS), side),
             CarDetail::Far => {
@@ -204,8 +227,23 @@ fn panels(
     let count = rows.len() - 1;
     builder.grid(&points, openness, |row, column| {
         let row = if side > 0.0 { count - 1 - row } else { row };
-        Some(face_material(shape, detail, [columns[column], columns[column + 1]], rows[row], side > 0.0))
+        let face = [columns[column], columns[column + 1]];
+        if detail == CarDetail::Close && is_lamp_hole(shape, face, rows[row]) {
+            return None;
+        }
+        Some(face_material(shape, detail, face, rows[row], side > 0.0))
     });
+}
+
+/// Whether a face is left out for a lamp with depth.
+fn is_lamp_hole(shape: &CarShape, [a, b]: [ShellColumn; 2], t: f32) -> bool {
+    let facing = match (a, b) {
+        (ShellColumn::End(facing, f), ShellColumn::End(_, g)) if f.min(g) > 0.6 => facing,
+        (ShellColumn::Side(..), ShellColumn::End(facing, _))
+        | (ShellColumn::End(facing, _), ShellColumn::Side(..)) => facing,
+        _ => return false,
+    };
+    (0.59..0.915).contains(&t) && !(facing < 0.0 && shape.has_tall_lamps())
 }
 
 /// The material of a shell face between two columns, from row `t` up.
@@ -220,7 +258,7 @@ fn face_material(
     if detail == CarDetail::Farther {
         return farther_face_material([a, b], t, left);
     }
-    let tall = matches!(shape.rear, Rear::Cargo | Rear::Bed);
+    let tall = shape.has_tall_lamps();
     match (a, b) {
         (ShellColumn::End(facing, f), ShellColumn::End(_, g)) => {
             let (inner, outer) = (f.min(g), f.max(g));
@@ -233,7 +271,7 @@ fn face_material(
                             PLASTIC
                         }
                     }
-                    t if t < 0.3 && detail == CarDetail::Near && outer < 0.7 => GRILLE,
+                    t if t < 0.3 && detail.is_near() && outer < 0.7 => GRILLE,
                     t if (0.59..0.9).contains(&t) && inner > 0.6 => {
                         let is_indicator = inner > 0.8 && t < 0.7;
                         if is_indicator { indicator } else { HEAD }
@@ -243,9 +281,9 @@ fn face_material(
                 }
             } else {
                 match t {
-                    t if t < if shape.clad && detail == CarDetail::Near { 0.3 } else { 0.1 } => PLASTIC,
+                    t if t < if shape.clad && detail.is_near() { 0.3 } else { 0.1 } => PLASTIC,
                     t if tall && inner > 0.8 && (0.3..0.9).contains(&t) => {
-                        if t < if detail == CarDetail::Near { 0.5 } else { 0.7 } { indicator } else { TAIL }
+                        if t < if detail.is_near() { 0.5 } else { 0.7 } { indicator } else { TAIL }
                     }
                     t if tall => {
                         if inner > 0.6 && inner < 0.8 && (0.3..0.5).contains(&t) {
@@ -261,7 +299,7 @@ fn face_material(
                             TAIL
                         }
                     }
-                    t if (0.59..0.7).contains(&t) && inner > 0.3 => REVERSE,
+                    t if (0.59..0.7).contains(&t) && inner > 0.3 && detail != CarDetail::Close => REVERSE,
                     _ => PAINT,
                 }
             }
@@ -271,7 +309,7 @@ fn face_material(
             let lamp = (0.59..0.9).contains(&t) || (tall && facing < 0.0 && (0.3..0.9).contains(&t));
             match (lamp, facing > 0.0) {
                 (true, true) => {
-                    if t < 0.7 && detail == CarDetail::Near {
+                    if t < 0.7 && detail.is_near() {
                         indicator
                     } else {
                         HEAD
@@ -286,7 +324,7 @@ fn face_material(
         (ShellColumn::Side(_, low_a), ShellColumn::Side(_, low_b)) => {
             let at_arch = low_a.max(low_b) > 0.0;
             match t {
-                t if t < 0.1 && (shape.clad || !at_arch) && detail == CarDetail::Near => PLASTIC,
+                t if t < 0.1 && (shape.clad || !at_arch) && detail.is_near() => PLASTIC,
                 _ => PAINT,
             }
         }
@@ -312,7 +350,12 @@ fn farther_face_material([a, b]: [ShellColumn; 2], t: f32, left: bool) -> Static
 }
 
 /// The wheel wells: from the edge of the arch inwards, and the wall behind the wheel.
-fn wells(builder: &mut PrimitiveBuilder, shape: &CarShape, columns: &[ShellColumn], side: f32) {
+fn wells(
+    builder: &mut PrimitiveBuilder,
+    shape: &CarShape,
+    (columns, cuts): (&[ShellColumn], usize),
+    side: f32,
+) {
     let sides: Vec<(f32, f32)> = columns
         .iter()
         .filter_map(|column| match *column {
@@ -320,7 +363,7 @@ fn wells(builder: &mut PrimitiveBuilder, shape: &CarShape, columns: &[ShellColum
             _ => None,
         })
         .collect();
-    for arch in sides.chunks(7) {
+    for arch in sides.chunks(cuts) {
         let row = |inward: f32, drop: bool| -> Vec<Vec3> {
             arch.iter()
                 .map(|&(x, low)| {
@@ -342,16 +385,20 @@ fn wells(builder: &mut PrimitiveBuilder, shape: &CarShape, columns: &[ShellColum
 fn deck(builder: &mut PrimitiveBuilder, shape: &CarShape, detail: CarDetail, facing: f32) {
     let [rear_foot, .., front_foot] = shape.cabin.stations;
     let foot = if facing > 0.0 { front_foot - 0.10 } else { rear_foot + 0.10 };
-    let parts: &[f32] =
-        if detail == CarDetail::Near { &[0.0, 0.35, 0.7, 0.9, 1.0] } else { &[0.0, 0.7, 1.0] };
+    let parts: &[f32] = match detail {
+        CarDetail::Close => &[0.0, 0.2, 0.4, 0.6, 0.78, 0.9, 0.96, 1.0],
+        CarDetail::Near => &[0.0, 0.35, 0.7, 0.9, 1.0],
+        _ => &[0.0, 0.7, 1.0],
+    };
     let across: &[f32] = match detail {
+        CarDetail::Close => &[-1.0, -0.86, -0.72, -0.62, -0.32, 0.0, 0.32, 0.62, 0.72, 0.86, 1.0],
         CarDetail::Near => &[-1.0, -0.62, 0.0, 0.62, 1.0],
         CarDetail::Far => &[-1.0, 0.0, 1.0],
         CarDetail::Farther => &[-1.0, 1.0],
     };
     let row = |&part: &f32| across.iter().map(|&f| shape.on_deck(facing, foot, part, f)).collect();
     let mut points: Vec<Vec<Vec3>> = parts.iter().map(row).collect();
-    if detail == CarDetail::Near {
+    if detail.is_near() {
         // The shell has other columns: under its edges it goes on downwards, so that no slit is left.
         let mut skirt = |edge: Vec<Vec3>, upwards: bool| {
             let inwards = Vec3::new(-0.004 * facing, 0.0, -0.05);
@@ -375,7 +422,7 @@ fn bed(builder: &mut PrimitiveBuilder, shape: &CarShape) {
     const WALL_M: f32 = 0.07;
     let (front, rear) = (shape.cabin.stations[0] + 0.04, -LENGTH_M / 2.0 + 0.10);
     let (high, low) = (shape.shoulder_at(-1.6) - 0.005, 0.72);
-    let outer = half_at(-1.6) * ROWS[6].1 + 0.01;
+    let outer = half_at(-1.6) * profile(&ROWS, 1.0) + 0.01;
     let inner = outer - WALL_M;
     let inside = [(rear + WALL_M, -inner), (rear + WALL_M, inner), (front, inner), (front, -inner)];
     let outside = [(rear - 0.08, -outer), (rear - 0.08, outer), (front, outer), (front, -outer)];

@@ -1,7 +1,9 @@
 //! The cabin: windscreen and rear window, side windows between pillars, roof.
 
 use super::shape::{CarShape, Rear};
-use super::{CarDetail, DASHBOARD, GLASS, PAINT, PLASTIC, PrimitiveBuilder, SEAM, StaticMaterial, body};
+use super::{
+    CarDetail, DASHBOARD, GLASS, PAINT, PLASTIC, PrimitiveBuilder, SEAM, StaticMaterial, body, close,
+};
 use glam::Vec3;
 
 /// Rows of the cabin from its foot to the middle of the roof: part of its height, part of the way from
@@ -30,7 +32,7 @@ fn stations(shape: &CarShape, detail: CarDetail) -> Vec<CabinStation> {
     let station = |x: f32| CabinStation { x, roof: on(x), at_foot: false };
     let foot = |x: f32| CabinStation { x, roof: 0.0, at_foot: true };
     let mut all = vec![foot(rear_foot), station(rear_roof)];
-    if detail == CarDetail::Near {
+    if detail.is_near() {
         if rear_glass > rear_roof && rear_glass < pillar {
             all.push(station(rear_glass));
         }
@@ -50,7 +52,7 @@ fn section(shape: &CarShape, station: &CabinStation, bulge: f32, detail: CarDeta
     let top = if station.at_foot { wide * 0.94 } else { roof_half };
     let high = match (station.at_foot, detail) {
         (false, _) => station.roof,
-        (true, CarDetail::Near) => base + shape.crown + 0.02,
+        (true, CarDetail::Near | CarDetail::Close) => base + shape.crown + 0.02,
         // Under the bonnet and the boot, which are flatter there: else a slit is left between them.
         (true, _) => base - 0.02,
     };
@@ -110,7 +112,7 @@ pub(super) fn cabin(builder: &mut PrimitiveBuilder, shape: &CarShape, detail: Ca
             },
         );
     }
-    if detail == CarDetail::Near {
+    if detail.is_near() {
         // Behind the edges of boot and bonnet the windows go on downwards, so that no slit is left there.
         let under = |end: usize, inwards: f32| -> Vec<Vec3> {
             sections[end].iter().map(|&point| point + Vec3::new(inwards, 0.0, -0.10)).collect()
@@ -118,6 +120,9 @@ pub(super) fn cabin(builder: &mut PrimitiveBuilder, shape: &CarShape, detail: Ca
         builder.grid(&[sections[0].clone(), under(0, 0.02)], |_| 200, |_, _| Some(SEAM));
         builder.grid(&[under(last, -0.02), sections[last].clone()], |_| 200, |_, _| Some(SEAM));
         dashboard(builder, shape);
+    }
+    if detail == CarDetail::Close {
+        frames(builder, shape, &stations, &sections);
     }
     if shape.rear == Rear::Cargo {
         let middle = |section: &[Vec3]| section[section.len() / 2];
@@ -135,7 +140,7 @@ pub(super) fn cabin(builder: &mut PrimitiveBuilder, shape: &CarShape, detail: Ca
                 240,
             );
         }
-        if detail == CarDetail::Near {
+        if detail.is_near() {
             // As the shell bulges below the shoulder, and the doors lean above it.
             let high = shape.shoulder_at(-super::LENGTH_M / 2.0);
             let mut line: Vec<(f32, f32)> = [0.3, 0.4, 0.5, 0.6, 0.8, 1.0]
@@ -165,6 +170,74 @@ fn dashboard(builder: &mut PrimitiveBuilder, shape: &CarShape) {
         let corner = |x, (y, z)| Vec3::new(x, y, z);
         let corners = [corner(x[0], right), corner(x[1], right), corner(x[1], left), corner(x[0], left)];
         builder.plate(&corners, DASHBOARD, 130);
+    }
+}
+
+/// Frames of the side windows, the dark edge of windscreen and rear window, and wipers.
+fn frames(
+    builder: &mut PrimitiveBuilder,
+    shape: &CarShape,
+    stations: &[CabinStation],
+    sections: &[Vec<Vec3>],
+) {
+    const FRAME_M: f32 = 0.026;
+    let last = stations.len() - 1;
+    let mut strip = |corners: [Vec3; 4], outward: Vec3, proud: f32| {
+        let normal = (corners[2] - corners[0]).cross(corners[3] - corners[1]).normalize_or_zero();
+        let out = if normal.dot(outward) < 0.0 { -normal } else { normal };
+        close::face(builder, corners.map(|corner| corner + out * proud), outward, SEAM, 160);
+    };
+    for k in 0..last {
+        let end = (k == 0).then_some(-1.0).or((k == last - 1).then_some(1.0));
+        if face_material(shape, CarDetail::Close, stations, k, SILL, end) != GLASS {
+            continue;
+        }
+        for side in [1.0_f32, -1.0] {
+            let [a, b, c, d] = [(k, SILL), (k + 1, SILL), (k + 1, RAIL), (k, RAIL)]
+                .map(|(k, row)| sections[k][row] * Vec3::new(1.0, -side, 1.0));
+            let part = |from: Vec3, to: Vec3| (FRAME_M / from.distance(to).max(0.04)).min(0.45);
+            let outward = Vec3::Y * side;
+            let [ad, bc, ab, dc] = [part(a, d), part(b, c), part(a, b), part(d, c)];
+            strip([a, b, b.lerp(c, bc), a.lerp(d, ad)], outward, 0.005);
+            strip([d, c, c.lerp(b, bc), d.lerp(a, ad)], outward, 0.005);
+            strip([a, d, d.lerp(c, dc), a.lerp(b, ab)], outward, 0.006);
+            strip([b, c, c.lerp(d, dc), b.lerp(a, ab)], outward, 0.006);
+        }
+    }
+    let mirrored = 2 * RAIL + 6;
+    for (top, foot, facing) in [(last - 1, last, 1.0_f32), (1, 0, -1.0)] {
+        if facing < 0.0 && shape.rear == Rear::Cargo {
+            continue;
+        }
+        let outward = Vec3::new(facing, 0.0, 0.6);
+        let at = |column: usize, down: f32| sections[top][column].lerp(sections[foot][column], down);
+        for column in GUTTER..mirrored - GUTTER {
+            // The foot of the rear window is under the edge of the boot.
+            let foot = if facing > 0.0 { [0.92, 1.0] } else { [0.90, 0.94] };
+            for [a, b] in [[0.0, 0.05], foot] {
+                let corners = [at(column, a), at(column + 1, a), at(column + 1, b), at(column, b)];
+                strip(corners, outward, 0.004);
+            }
+        }
+        for (edge, inner) in [(GUTTER, GUTTER + 1), (mirrored - GUTTER, mirrored - GUTTER - 1)] {
+            let inwards = |down: f32| at(edge, down).lerp(at(inner, down), 0.2);
+            strip([at(edge, 0.0), inwards(0.0), inwards(1.0), at(edge, 1.0)], outward, 0.005);
+        }
+        if facing < 0.0 {
+            continue;
+        }
+        // Wipers at rest, seen from both sides.
+        let on = |across: f32, down: f32| {
+            let column = across.floor() as usize;
+            at(column, down).lerp(at(column + 1, down), across - across.floor())
+        };
+        for [from, to] in [[(6.4, 0.95), (5.3, 0.88)], [(5.3, 0.88), (4.9, 0.84)], [(4.7, 0.95), (3.9, 0.88)]]
+        {
+            let [a, b] = [from, to].map(|(across, down): (f32, f32)| on(across, down));
+            let [c, d] = [from, to].map(|(across, down): (f32, f32)| on(across, down - 0.022));
+            strip([a, b, d, c], outward, 0.018);
+            strip([a, b, d, c], -outward, -0.016);
+        }
     }
 }
 
@@ -202,7 +275,7 @@ fn face_material(
         (None, SILL) => {
             let [_, rear_roof, rear_glass, pillar, ..] = shape.cabin.stations;
             let middle = (stations[station].x + stations[station + 1].x) / 2.0;
-            let is_pillar = (middle - pillar).abs() < 0.05 && detail == CarDetail::Near;
+            let is_pillar = (middle - pillar).abs() < 0.05 && detail.is_near();
             let behind = (rear_glass > rear_roof && middle < rear_glass) || (cargo && middle < pillar);
             if behind {
                 PAINT

@@ -2,6 +2,10 @@
 
 mod body;
 mod cabin;
+mod close;
+mod heavy;
+mod heavy_trim;
+mod interior;
 mod shape;
 mod trim;
 mod wheel;
@@ -11,9 +15,10 @@ use city3d_models::ModelNode;
 use glam::{Affine3A, Quat, Vec3};
 use std::f32::consts::PI;
 
-pub use shape::{CarShape, HATCHBACK, PICKUP, SEDAN, SUV, VAN};
+pub use heavy::{BUS, HeavyShape, TRUCK};
+pub use shape::{CarShape, ESTATE, HATCHBACK, PICKUP, SEDAN, SUV, TAXI, VAN};
 
-/// Length of all cars here, from bumper to bumper.
+/// Length of all cars but bus and truck, from bumper to bumper.
 pub const LENGTH_M: f32 = 5.0;
 /// From mirror to mirror.
 pub const WIDTH_M: f32 = 2.5;
@@ -24,6 +29,8 @@ pub(super) const HALF_M: f32 = 1.10;
 
 pub(super) const PAINT: StaticMaterial = StaticMaterial::new("paint", [255, 255, 255]).rough(0.35);
 pub(super) const GLASS: StaticMaterial = StaticMaterial::new("glass", [22, 27, 32]).rough(0.05);
+/// Clear cover of a lamp.
+pub(super) const LENS: StaticMaterial = StaticMaterial::new("lens", [200, 204, 208]).rough(0.05);
 pub(super) const PLASTIC: StaticMaterial = StaticMaterial::new("plastic", [30, 31, 33]);
 pub(super) const DASHBOARD: StaticMaterial = StaticMaterial::new("dashboard", [34, 35, 37]);
 pub(super) const SEAM: StaticMaterial = StaticMaterial::new("seam", [12, 12, 13]);
@@ -42,35 +49,93 @@ pub(super) const INDICATOR: [StaticMaterial; 2] = [
 /// Level of detail of a car.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum CarDetail {
+    /// For light per pixel: lamps with depth and an interior behind clear glass.
+    Close,
     Near,
     Far,
     /// Its wheels are painted on.
     Farther,
 }
 
-/// The model of a body type: nodes `body`, four wheels, `far_body`, `far_wheel`, and `farther_body` with
+impl CarDetail {
+    fn is_near(self) -> bool {
+        matches!(self, Self::Close | Self::Near)
+    }
+}
+
+/// The model of a body type: nodes `near_body`, `near_wheel`, `body`, four wheels, `far_body`, `far_wheel`, and `farther_body` with
 /// wheels of its own.
 pub fn model(shape: &CarShape) -> Model {
-    let [near, far, farther] = [CarDetail::Near, CarDetail::Far, CarDetail::Farther].map(|detail| {
+    let bodies = [CarDetail::Near, CarDetail::Far, CarDetail::Farther, CarDetail::Close].map(|detail| {
         let mut builder = PrimitiveBuilder::default();
         body::shell(&mut builder, shape, detail);
         cabin::cabin(&mut builder, shape, detail);
+        let mut inside = Vec::new();
+        if detail == CarDetail::Close {
+            let mut lined = interior::lining(&builder.clone().finish(), shape);
+            interior::interior(&mut lined, shape);
+            inside = lined.finish();
+        }
         trim::trim(&mut builder, shape, detail);
+        let mut parts = evened(builder.finish());
+        parts.append(&mut inside);
+        parts
+    });
+    assembled(
+        bodies.to_vec(),
+        WheelPlaces {
+            radius: WHEEL_RADIUS_M,
+            width: wheel::WIDTH_M,
+            wheelbase: WHEELBASE_M,
+            out: HALF_M - 0.012,
+        },
+    )
+}
+
+/// The model of a bus or truck, with the same nodes.
+pub fn heavy_model(shape: &HeavyShape) -> Model {
+    let bodies = [CarDetail::Near, CarDetail::Far, CarDetail::Farther].map(|detail| {
+        let mut builder = PrimitiveBuilder::default();
+        heavy::body(&mut builder, shape, detail);
         evened(builder.finish())
     });
+    assembled(
+        bodies.to_vec(),
+        WheelPlaces {
+            radius: shape.wheel_radius,
+            width: shape.wheel_width,
+            wheelbase: shape.wheelbase,
+            out: shape.wheel_out,
+        },
+    )
+}
+
+/// Size of the wheels, and where they are, metres.
+struct WheelPlaces {
+    radius: f32,
+    width: f32,
+    wheelbase: f32,
+    /// From the middle to the outer faces.
+    out: f32,
+}
+
+/// A model with wheels of its bodies: the usual one, the coarser ones, and perhaps the near one.
+fn assembled(bodies: Vec<Vec<MeshPrimitive>>, places: WheelPlaces) -> Model {
+    let WheelPlaces { radius, width, wheelbase, out } = places;
     let standing = |name: &str, mesh, height| ModelNode {
         name: name.to_owned(),
         mesh,
         model_from_mesh: Affine3A::from_translation(Vec3::Z * height),
     };
-    let mut nodes = vec![
-        standing("body", 0, 0.0),
-        standing("far_body", 1, 0.0),
-        standing("farther_body", 2, 0.0),
-        standing("far_wheel", 4, WHEEL_RADIUS_M),
-    ];
-    let axle = WHEELBASE_M / 2.0;
-    let out = HALF_M - wheel::WIDTH_M / 2.0 - 0.012;
+    let names = ["body", "far_body", "farther_body", "near_body"];
+    let mut nodes: Vec<ModelNode> =
+        names.iter().zip(0..bodies.len()).map(|(name, mesh)| standing(name, mesh, 0.0)).collect();
+    let first = bodies.len();
+    nodes.push(standing("far_wheel", first + 1, radius));
+    if first == names.len() {
+        nodes.push(standing("near_wheel", first + 2, radius));
+    }
+    let (axle, out) = (wheelbase / 2.0, out - width / 2.0);
     for (name, x, y) in [
         ("front_left", axle, out),
         ("front_right", axle, -out),
@@ -78,12 +143,13 @@ pub fn model(shape: &CarShape) -> Model {
         ("rear_right", -axle, -out),
     ] {
         let turn = if y > 0.0 { 0.0 } else { PI };
-        let place =
-            Affine3A::from_rotation_translation(Quat::from_rotation_z(turn), Vec3::new(x, y, WHEEL_RADIUS_M));
-        nodes.push(ModelNode { name: format!("wheel_{name}"), mesh: 3, model_from_mesh: place });
+        let place = Affine3A::from_rotation_translation(Quat::from_rotation_z(turn), Vec3::new(x, y, radius));
+        nodes.push(ModelNode { name: format!("wheel_{name}"), mesh: first, model_from_mesh: place });
     }
-    let wheels = [wheel::wheel(WHEEL_RADIUS_M), wheel::far_wheel(WHEEL_RADIUS_M)];
-    Model { meshes: [near, far, farther].into_iter().chain(wheels).collect(), nodes }
+    let wheels =
+        [wheel::wheel(radius, width), wheel::far_wheel(radius, width), wheel::near_wheel(radius, width)];
+    let meshes = bodies.into_iter().chain(wheels.into_iter().take(first - 1)).collect();
+    Model { meshes, nodes }
 }
 
 /// Smooths normals along the middle, where the two halves of a body meet.
@@ -121,7 +187,7 @@ mod tests {
 
     #[test]
     fn nobody_sees_into_a_car_under_its_windows() {
-        for shape in [SEDAN, HATCHBACK, SUV, VAN, PICKUP] {
+        for shape in [SEDAN, HATCHBACK, SUV, VAN, PICKUP, TAXI, ESTATE] {
             let car = model(&shape);
             let [rear_foot, .., front_foot] = shape.cabin.stations;
             let mut open = Vec::new();

@@ -21,6 +21,8 @@ pub struct CarShape {
     pub(super) clad: bool,
     /// Rails along the roof.
     pub(super) rails: bool,
+    /// A lit sign on the roof.
+    pub(super) sign: bool,
 }
 
 #[derive(Clone, Copy, Debug)]
@@ -71,6 +73,34 @@ pub const SEDAN: CarShape = CarShape {
     rear: Rear::Boot,
     clad: false,
     rails: false,
+    sign: false,
+};
+
+pub const TAXI: CarShape = CarShape { name: "taxi", height: 1.59, sign: true, ..SEDAN };
+
+pub const ESTATE: CarShape = CarShape {
+    name: "estate",
+    height: 1.48,
+    shoulder: &[
+        (-2.5, 0.92),
+        (-2.2, 0.965),
+        (-1.4, 0.955),
+        (-0.4, 0.93),
+        (0.6, 0.90),
+        (1.2, 0.89),
+        (1.8, 0.83),
+        (2.25, 0.74),
+        (2.5, 0.68),
+    ],
+    rake: [[0.10, 0.06], [0.05, 0.08]],
+    cabin: Cabin {
+        stations: [-2.36, -1.92, -2.02, -0.22, 0.40, 1.26],
+        roof: [1.40, 1.45, 1.41],
+        roof_half: 0.73,
+    },
+    rear: Rear::Hatch,
+    rails: true,
+    ..SEDAN
 };
 
 pub const HATCHBACK: CarShape = CarShape {
@@ -98,6 +128,7 @@ pub const HATCHBACK: CarShape = CarShape {
     rear: Rear::Hatch,
     clad: false,
     rails: false,
+    sign: false,
 };
 
 pub const SUV: CarShape = CarShape {
@@ -125,6 +156,7 @@ pub const SUV: CarShape = CarShape {
     rear: Rear::Hatch,
     clad: true,
     rails: true,
+    sign: false,
 };
 
 pub const VAN: CarShape = CarShape {
@@ -143,6 +175,7 @@ pub const VAN: CarShape = CarShape {
     rear: Rear::Cargo,
     clad: false,
     rails: false,
+    sign: false,
 };
 
 pub const PICKUP: CarShape = CarShape {
@@ -161,7 +194,15 @@ pub const PICKUP: CarShape = CarShape {
     rear: Rear::Bed,
     clad: true,
     rails: false,
+    sign: false,
 };
+
+impl CarShape {
+    /// Whether the tail lamps stand upright beside a door or tailgate.
+    pub(super) fn has_tall_lamps(&self) -> bool {
+        matches!(self.rear, Rear::Cargo | Rear::Bed)
+    }
+}
 
 /// Monotone interpolation between points: linear with slightly rounded corners.
 pub(super) fn along(points: &[(f32, f32)], x: f32) -> f32 {

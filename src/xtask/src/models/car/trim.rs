@@ -1,18 +1,21 @@
 //! Trim of a body: mirrors, door seams, handles, number plates, rails, arches.
 
 use super::shape::{CarShape, Rear};
-use super::wheel::FAR_RIM;
 use super::{
     CHROME, CarDetail, HALF_M, LENGTH_M, PAINT, PLASTIC, PLATE, PrimitiveBuilder, SEAM, StaticMaterial, TAIL,
     WHEEL_RADIUS_M, WHEELBASE_M, WIDTH_M,
 };
+use super::{close, wheel};
 use glam::Vec3;
-use std::f32::consts::TAU;
+
+/// Of a taxi's sign.
+const SIGN: StaticMaterial = StaticMaterial::new("sign", [244, 226, 150]).rough(0.5);
 
 pub(super) fn trim(builder: &mut PrimitiveBuilder, shape: &CarShape, detail: CarDetail) {
     match detail {
-        CarDetail::Near => {}
+        CarDetail::Near | CarDetail::Close => {}
         CarDetail::Far => {
+            sign(builder, shape);
             mirrors(builder, shape);
             sills(builder, shape);
             number_plates(builder, shape, detail);
@@ -20,12 +23,17 @@ pub(super) fn trim(builder: &mut PrimitiveBuilder, shape: &CarShape, detail: Car
             return;
         }
         CarDetail::Farther => {
+            sign(builder, shape);
             flat_mirrors(builder, shape);
-            painted_wheels(builder);
+            wheel::painted(builder, [WHEELBASE_M, WHEEL_RADIUS_M, HALF_M, 0.22]);
             return;
         }
     }
-    mirrors(builder, shape);
+    if detail == CarDetail::Close {
+        close::trim(builder, shape);
+    } else {
+        mirrors(builder, shape);
+    }
     for side in [1.0_f32, -1.0] {
         let [_, _, _, pillar, _, front_foot] = shape.cabin.stations;
         let front = front_foot - 0.22;
@@ -54,9 +62,36 @@ pub(super) fn trim(builder: &mut PrimitiveBuilder, shape: &CarShape, detail: Car
             builder.block(low, high, PLASTIC, 240);
         }
     }
+    sign(builder, shape);
     bonnet_gaps(builder, shape);
     number_plates(builder, shape, detail);
     ends(builder, shape);
+}
+
+/// The sign on the roof of a taxi.
+fn sign(builder: &mut PrimitiveBuilder, shape: &CarShape) {
+    if !shape.sign {
+        return;
+    }
+    let [_, rear_roof, _, _, front_roof, _] = shape.cabin.stations;
+    let (x, low) = ((rear_roof + front_roof) / 2.0, shape.cabin.roof[1] - 0.01);
+    let ring = |half_x: f32, half_y: f32, z: f32| {
+        [(-half_x, -half_y), (half_x, -half_y), (half_x, half_y), (-half_x, half_y)]
+            .map(|(dx, y)| Vec3::new(x + dx, y, z))
+    };
+    let (foot, top) = (ring(0.10, 0.28, low), ring(0.06, 0.22, shape.height));
+    for k in 0..4 {
+        let n = (k + 1) % 4;
+        builder.plate(&[foot[k], foot[n], top[n], top[k]], SIGN, 250);
+        // Lettering: a dark strip on both faces.
+        if k % 2 == 1 {
+            let at = |a: f32, b: f32| foot[k].lerp(foot[n], a).lerp(top[k].lerp(top[n], a), b);
+            let out = Vec3::X * if k == 1 { 0.004 } else { -0.004 };
+            let corners = [at(0.28, 0.3), at(0.72, 0.3), at(0.72, 0.75), at(0.28, 0.75)];
+            builder.plate(&corners.map(|corner| corner + out), SEAM, 240);
+        }
+    }
+    builder.plate(&top, SIGN, 255);
 }
 
 /// The gaps along the sides of the bonnet: creases in the paint, as black lines of a centimetre break into dots.
@@ -168,7 +203,7 @@ fn number_plates(builder: &mut PrimitiveBuilder, shape: &CarShape, detail: CarDe
     let behind = if shape.rear == Rear::Bed { 0.30 } else { 0.56 };
     for (facing, z) in [(1.0, row(front, 0.40)), (-1.0, row(rear, behind))] {
         on_end(builder, shape, facing, PROUD_M, [[-HALF_M, HALF_M], [z, z + HIGH_M]], PLATE);
-        if detail == CarDetail::Near {
+        if detail.is_near() {
             // On the plate, wherever the end below it is.
             let x = end_before(shape, facing, [z, z + HIGH_M]) + PROUD_M + 0.002;
             registration(builder, facing, Vec3::new(facing * x, 0.0, z + HIGH_M / 2.0));
@@ -230,29 +265,6 @@ fn sills(builder: &mut PrimitiveBuilder, shape: &CarShape) {
         let ends = if side > 0.0 { [reach, -reach] } else { [-reach, reach] };
         let corner = |k: usize, t: f32| on_side(shape, ends[k], t, side);
         builder.plate(&[corner(0, 0.0), corner(1, 0.0), corner(1, 0.15), corner(0, 0.15)], PLASTIC, 150);
-    }
-}
-
-/// Wheels without depth, for the greatest distance.
-fn painted_wheels(builder: &mut PrimitiveBuilder) {
-    for axle in [-WHEELBASE_M / 2.0, WHEELBASE_M / 2.0] {
-        for side in [-1.0_f32, 1.0] {
-            let mut disc = |corners: u32, radius: f32, out: f32, face_material: StaticMaterial| {
-                let at = |k: u32| {
-                    let (sin, cos) = (side * TAU * (k as f32 + 0.5) / corners as f32).sin_cos();
-                    let middle = Vec3::new(axle, side * (HALF_M + out), WHEEL_RADIUS_M);
-                    middle + Vec3::new(radius * sin, 0.0, radius * cos)
-                };
-                builder.plate(&(0..corners).map(at).collect::<Vec<_>>(), face_material, 150);
-            };
-            disc(6, 1.12 * WHEEL_RADIUS_M, 0.004, SEAM);
-            disc(4, 0.72 * WHEEL_RADIUS_M, 0.012, FAR_RIM);
-            // The tyre in front and rear view.
-            let (outer, inner) = (HALF_M - 0.02, HALF_M - 0.24);
-            let (a, b) = if side * axle > 0.0 { (inner, outer) } else { (outer, inner) };
-            let corner = |y: f32, z: f32| Vec3::new(axle, side * y, z);
-            builder.plate(&[corner(a, 0.0), corner(b, 0.0), corner(b, 0.5), corner(a, 0.5)], SEAM, 120);
-        }
     }
 }
 

@@ -1,6 +1,7 @@
 //! A wheel: tyre, rim and spokes; its axle along y, its outer face towards +y.
 
 use super::super::{MeshPrimitive, PrimitiveBuilder, StaticMaterial};
+use super::SEAM;
 use glam::Vec3;
 use std::f32::consts::TAU;
 
@@ -10,21 +11,22 @@ const RIM: StaticMaterial = StaticMaterial::new("rim", [176, 180, 185]).metal().
 /// Brake dust dulls the inner parts.
 const LIP: StaticMaterial = StaticMaterial::new("lip", [96, 98, 101]).rough(0.7);
 const DISC: StaticMaterial = StaticMaterial::new("disc", [34, 35, 37]);
+const BRAKE: StaticMaterial = StaticMaterial::new("brake", [128, 130, 134]).metal().rough(0.4);
 const SPOKES: u32 = 5;
 
 const SIDES: u32 = 16;
 /// Rim and spokes as one, from a distance.
-pub(super) const FAR_RIM: StaticMaterial = StaticMaterial::new("far_rim", [112, 114, 118]).rough(0.5);
+const FAR_RIM: StaticMaterial = StaticMaterial::new("far_rim", [112, 114, 118]).rough(0.5);
 
 fn turned(angle: f32, y: f32, r: f32) -> Vec3 {
     let (sin, cos) = angle.sin_cos();
     Vec3::new(r * sin, y, r * cos)
 }
 
-pub(super) fn wheel(radius: f32) -> Vec<MeshPrimitive> {
+pub(super) fn wheel(radius: f32, width: f32) -> Vec<MeshPrimitive> {
     let mut builder = PrimitiveBuilder::default();
     let sides = SIDES;
-    let half = WIDTH_M / 2.0;
+    let half = width / 2.0;
     let rim = 0.68 * radius;
     let angle = |k: u32| TAU * k as f32 / sides as f32;
     // Tread, shoulder and side wall of the tyre, then the lip of the rim.
@@ -56,11 +58,67 @@ pub(super) fn wheel(radius: f32) -> Vec<MeshPrimitive> {
     builder.finish()
 }
 
+/// Wheel for what is near: a tyre with shoulders and grooves, spokes with sides, a brake disc behind them.
+pub(super) fn near_wheel(radius: f32, width: f32) -> Vec<MeshPrimitive> {
+    const SIDES: u32 = 28;
+    let mut builder = PrimitiveBuilder::default();
+    let half = width / 2.0;
+    let rim = 0.69 * radius;
+    let ring = |(y, r): (f32, f32)| -> Vec<Vec3> {
+        (0..=SIDES).map(|k| turned(TAU * k as f32 / SIDES as f32, y, r)).collect()
+    };
+    // From the inner side over the tread to the rim; pairs keep the shoulders sharp.
+    let tyre = [
+        (-0.97 * half, 0.93 * radius),
+        (-0.80 * half, 0.995 * radius),
+        (-0.74 * half, radius),
+        (0.66 * half, radius),
+        (0.74 * half, 0.995 * radius),
+        (0.93 * half, 0.945 * radius),
+        (half, 0.86 * radius),
+        (0.99 * half, 0.78 * radius),
+        (half - 0.008, rim),
+    ]
+    .map(ring);
+    builder.grid(&tyre, |_| 190, |_, _| Some(TYRE));
+    let flange = [(half - 0.008, rim), (half - 0.004, 0.965 * rim), (half - 0.014, 0.93 * rim)].map(ring);
+    builder.grid(&flange, |_| 220, |_, _| Some(RIM));
+    let barrel = [(half - 0.014, 0.93 * rim), (half - 0.09, 0.88 * rim)].map(ring);
+    builder.grid(&barrel, |_| 70, |_, _| Some(LIP));
+    builder.plate(&inner_side(radius, -0.97 * half, 16), TYRE, 60);
+    builder.plate(&circle(half - 0.088, 0.89 * rim, 20), DISC, 90);
+    builder.plate(&circle(half - 0.075, 0.66 * rim, 20), BRAKE, 130);
+    for k in 0..SPOKES {
+        let middle = TAU * k as f32 / SPOKES as f32;
+        let edge = |turn: f32, y: f32, r: f32| turned(middle + turn, half - y, r * rim);
+        let (wide, narrow) = (0.30, 0.13);
+        let outer = [
+            edge(-wide, 0.028, 0.24),
+            edge(-narrow, 0.012, 0.94),
+            edge(narrow, 0.012, 0.94),
+            edge(wide, 0.028, 0.24),
+        ];
+        let inner = [
+            edge(-wide, 0.07, 0.24),
+            edge(-narrow, 0.06, 0.94),
+            edge(narrow, 0.06, 0.94),
+            edge(wide, 0.07, 0.24),
+        ];
+        builder.plate(&outer, RIM, 230);
+        builder.plate(&[inner[0], inner[1], outer[1], outer[0]], RIM, 130);
+        builder.plate(&[outer[3], outer[2], inner[2], inner[3]], RIM, 130);
+    }
+    let hub = [(half - 0.03, 0.30 * rim), (half - 0.018, 0.27 * rim), (half - 0.014, 0.15 * rim)].map(ring);
+    builder.grid(&hub, |_| 230, |_, _| Some(RIM));
+    builder.plate(&circle(half - 0.014, 0.15 * rim, 14), LIP, 220);
+    builder.finish()
+}
+
 /// Coarse wheel. It is set slightly inwards, since the arch of a far body covers its top.
-pub(super) fn far_wheel(radius: f32) -> Vec<MeshPrimitive> {
+pub(super) fn far_wheel(radius: f32, width: f32) -> Vec<MeshPrimitive> {
     const SIDES: u32 = 8;
     let mut builder = PrimitiveBuilder::default();
-    let (half, rim) = (WIDTH_M / 2.0, 0.68 * radius);
+    let (half, rim) = (width / 2.0, 0.68 * radius);
     let outer = half - 0.03;
     let ring = |y: f32, r: f32| (0..=SIDES).map(|k| turned(TAU * k as f32 / SIDES as f32, y, r)).collect();
     let tyre: [Vec<Vec3>; 3] = [ring(-half, radius), ring(outer, radius), ring(outer, rim)];
@@ -78,4 +136,36 @@ fn circle(y: f32, r: f32, sides: u32) -> Vec<Vec3> {
 /// Inner side of a wheel, visible from below the car.
 fn inner_side(radius: f32, y: f32, sides: u32) -> Vec<Vec3> {
     circle(y, radius, sides).into_iter().rev().collect()
+}
+
+/// Wheels without depth, for the greatest distance; `face` is how far out they are.
+pub(super) fn painted(builder: &mut PrimitiveBuilder, [wheelbase, wheel_radius, face, width]: [f32; 4]) {
+    for axle in [-wheelbase / 2.0, wheelbase / 2.0] {
+        for side in [-1.0_f32, 1.0] {
+            let mut disc = |corners: u32, radius: f32, out: f32, face_material: StaticMaterial| {
+                let at = |k: u32| {
+                    let (sin, cos) = (side * TAU * (k as f32 + 0.5) / corners as f32).sin_cos();
+                    let middle = Vec3::new(axle, side * (face + out), wheel_radius);
+                    middle + Vec3::new(radius * sin, 0.0, radius * cos)
+                };
+                builder.plate(&(0..corners).map(at).collect::<Vec<_>>(), face_material, 150);
+            };
+            disc(6, 1.12 * wheel_radius, 0.004, SEAM);
+            disc(4, 0.72 * wheel_radius, 0.012, FAR_RIM);
+            // The tyre in front and rear view.
+            let (outer, inner) = (face - 0.02, face - 0.02 - width);
+            let (a, b) = if side * axle > 0.0 { (inner, outer) } else { (outer, inner) };
+            let corner = |y: f32, z: f32| Vec3::new(axle, side * y, z);
+            builder.plate(
+                &[
+                    corner(a, 0.0),
+                    corner(b, 0.0),
+                    corner(b, 1.47 * wheel_radius),
+                    corner(a, 1.47 * wheel_radius),
+                ],
+                SEAM,
+                120,
+            );
+        }
+    }
 }

@@ -1,0 +1,141 @@
+//! What is seen through the glass of a near car: lining, seats, steering wheel and driver.
+
+use super::shape::CarShape;
+use super::{PrimitiveBuilder, StaticMaterial, body};
+use city3d_models::MeshPrimitive;
+use glam::Vec3;
+use std::f32::consts::TAU;
+
+const LINING: StaticMaterial = StaticMaterial::new("lining", [74, 74, 76]);
+const SEAT: StaticMaterial = StaticMaterial::new("seat", [48, 50, 55]);
+const WHEEL: StaticMaterial = StaticMaterial::new("steering_wheel", [24, 24, 26]).rough(0.6);
+const SKIN: StaticMaterial = StaticMaterial::new("skin", [206, 160, 132]);
+const HAIR: StaticMaterial = StaticMaterial::new("hair", [62, 44, 34]);
+const SHIRT: StaticMaterial = StaticMaterial::new("shirt", [92, 116, 150]);
+/// Little of the sky's light comes in.
+const INSIDE: u8 = 150;
+
+/// Lines what has been built of shell and cabin: their faces from inside, between the feet of the windows.
+pub(super) fn lining(parts: &[MeshPrimitive], shape: &CarShape) -> PrimitiveBuilder {
+    let mut builder = PrimitiveBuilder::default();
+    let [rear, .., front] = shape.cabin.stations;
+    let is_lined = |at: Vec3| (rear - 0.12..front + 0.06).contains(&at.x) && at.z > 0.3;
+    for part in parts.iter().filter(|part| matches!(part.material.name.as_str(), "paint" | "plastic")) {
+        for triangle in part.indices.chunks_exact(3) {
+            let corners = [triangle[0], triangle[2], triangle[1]].map(|k| &part.vertices[k as usize]);
+            if corners.iter().all(|corner| is_lined(corner.position)) {
+                let placed = corners.map(|corner| {
+                    builder.vertex(LINING, corner.position - 0.025 * corner.normal, -corner.normal, 130)
+                });
+                builder.triangle(LINING, placed);
+            }
+        }
+    }
+    builder
+}
+
+pub(super) fn interior(builder: &mut PrimitiveBuilder, shape: &CarShape) {
+    let [rear, _, _, pillar, _, front] = shape.cabin.stations;
+    // Seats rise with the windows.
+    let belt = shape.shoulder_at(0.0);
+    let floor = belt - 0.58;
+    let half = body::half_at(0.0) * 0.9;
+    let corners = [(rear, -half), (front, -half), (front, half), (rear, half)];
+    builder.plate(&corners.map(|(x, y)| Vec3::new(x, y, floor)), SEAT, 60);
+    let first = front - 1.14;
+    let mut rows = vec![first];
+    // A second row where there is a door for it.
+    if first - 0.95 > rear + 0.45 && pillar - rear > 1.0 && shape.height < 2.0 {
+        rows.push(first - 0.92);
+    }
+    for (k, x) in rows.into_iter().enumerate() {
+        for y in [-0.42, 0.42] {
+            seat(builder, Vec3::new(x, y, floor));
+        }
+        if k == 1 {
+            let (low, high) =
+                (Vec3::new(x - 0.34, -0.3, floor + 0.1), Vec3::new(x - 0.24, 0.3, floor + 0.62));
+            builder.block(low, high, SEAT, INSIDE);
+        }
+    }
+    driver(builder, Vec3::new(first, 0.42, floor));
+}
+
+fn seat(builder: &mut PrimitiveBuilder, at: Vec3) {
+    let mut block = |[x, y, z]: [[f32; 2]; 3]| {
+        let [low, high] = [0, 1].map(|k| at + Vec3::new(x[k], y[k], z[k]));
+        builder.block(low, high, SEAT, INSIDE);
+    };
+    block([[-0.26, 0.26], [-0.24, 0.24], [0.12, 0.26]]);
+    block([[-0.36, -0.24], [-0.24, 0.24], [0.2, 0.52]]);
+    block([[-0.39, -0.29], [-0.21, 0.21], [0.52, 0.74]]);
+    block([[-0.39, -0.31], [-0.12, 0.12], [0.77, 0.92]]);
+}
+
+/// Torso, arms and head of a driver, and the steering wheel.
+fn driver(builder: &mut PrimitiveBuilder, at: Vec3) {
+    // Rings around an upright axis: height, half depth, half width.
+    let body = |builder: &mut PrimitiveBuilder, rings: &[[f32; 4]], material: StaticMaterial| {
+        let ring = |&[z, x, deep, wide]: &[f32; 4]| -> Vec<Vec3> {
+            (0..=8)
+                .map(|k| {
+                    let (sin, cos) = (TAU * k as f32 / 8.0).sin_cos();
+                    at + Vec3::new(x + deep * cos, wide * sin, z)
+                })
+                .collect()
+        };
+        let points: Vec<Vec<Vec3>> = rings.iter().map(ring).collect();
+        builder.grid(&points, |_| 190, |_, _| Some(material));
+    };
+    body(
+        builder,
+        &[
+            [0.24, -0.08, 0.14, 0.19],
+            [0.45, -0.13, 0.13, 0.20],
+            [0.66, -0.16, 0.12, 0.23],
+            [0.74, -0.16, 0.06, 0.10],
+        ],
+        SHIRT,
+    );
+    body(builder, &[[0.72, -0.15, 0.05, 0.05], [0.80, -0.14, 0.055, 0.055]], SKIN);
+    body(
+        builder,
+        &[
+            [0.77, -0.12, 0.04, 0.03],
+            [0.81, -0.12, 0.085, 0.065],
+            [0.88, -0.12, 0.10, 0.078],
+            [0.93, -0.125, 0.10, 0.078],
+        ],
+        SKIN,
+    );
+    body(
+        builder,
+        &[
+            [0.90, -0.15, 0.10, 0.084],
+            [0.95, -0.14, 0.112, 0.086],
+            [0.985, -0.14, 0.085, 0.065],
+            [1.005, -0.14, 0.0, 0.0],
+        ],
+        HAIR,
+    );
+    for y in [-0.21_f32, 0.21] {
+        let (low, high) = (Vec3::new(-0.16, y - 0.045, 0.46), Vec3::new(0.02, y + 0.045, 0.60));
+        builder.block(at + low, at + high, SHIRT, INSIDE);
+        let (low, high) = (Vec3::new(0.0, 0.75 * y - 0.04, 0.50), Vec3::new(0.32, 0.75 * y + 0.04, 0.58));
+        builder.block(at + low, at + high, SKIN, INSIDE);
+    }
+    let middle = at + Vec3::new(0.34, 0.0, 0.55);
+    let ring = |radius: f32, out: f32| -> Vec<Vec3> {
+        (0..=14)
+            .map(|k| {
+                let (sin, cos) = (TAU * k as f32 / 14.0).sin_cos();
+                // Leaning with its upper edge forward.
+                middle + Vec3::new(0.35 * radius * sin + out, radius * cos, 0.94 * radius * sin)
+            })
+            .collect()
+    };
+    let tube = [ring(0.185, 0.0), ring(0.17, -0.018), ring(0.155, 0.0), ring(0.17, 0.018), ring(0.185, 0.0)];
+    builder.grid(&tube, |_| INSIDE, |_, _| Some(WHEEL));
+    let (low, high) = (Vec3::new(-0.01, -0.15, -0.03), Vec3::new(0.03, 0.15, 0.03));
+    builder.block(middle + low, middle + high, WHEEL, INSIDE);
+}
