@@ -7,7 +7,7 @@
 #
 # Files are left in target/reference/files: tables.md, results.json, and the pictures. Mitsuba's pictures are not drawn
 # again unless --again is given; after a change of the renderer alone, its pictures are compared with those.
-# Mitsuba's fast variants need LLVM 19; without it the slow one draws.
+# Mitsuba compiles its kernels by LLVM; versions before 19 do not know all instructions of processors with AVX-512.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 source scripts/setup.sh
@@ -17,11 +17,11 @@ wanted=scripts/reference/requirements.txt
 
 find_rust
 set_runtime_folder
-if ! ldconfig -p | grep -q 'libLLVM.so.19'; then
-    install_packages libllvm19 || echo "without LLVM 19: slower" >&2
-fi
-llvm=$(ldconfig -p | sed -n 's/.*libLLVM\.so\.19[^ ]* .*=> //p' | head -1)
-[[ -n "$llvm" ]] && export DRJIT_LIBLLVM_PATH="$llvm"
+find_llvm() { ldconfig -p | sed -n 's/.*libLLVM\.so\.19[^ ]* .*=> //p' | head -1; }
+[[ -n "$(find_llvm)" ]] || install_packages libllvm19
+DRJIT_LIBLLVM_PATH=${DRJIT_LIBLLVM_PATH:-$(find_llvm)}
+[[ -n "$DRJIT_LIBLLVM_PATH" ]] || die "LLVM 19 is missing: set DRJIT_LIBLLVM_PATH to its libLLVM.so"
+export DRJIT_LIBLLVM_PATH
 
 if ! cmp -s "$wanted" "$FOLDER/venv/requirements.txt"; then
     say "installing Mitsuba and FLIP into $FOLDER/venv"

@@ -5,16 +5,16 @@ Called by scripts/reference.sh.
 
 import argparse
 import json
-import os
 import time
 from pathlib import Path
 
 import flip_evaluator
 import mitsuba as mi
 import numpy as np
+import pyoidn
 from PIL import Image
 
-mi.set_variant("llvm_ad_rgb" if os.environ.get("DRJIT_LIBLLVM_PATH") else "scalar_rgb")
+mi.set_variant("llvm_ad_rgb")
 
 import materials  # noqa: E402, after the variant is set
 import report  # noqa: E402
@@ -23,27 +23,15 @@ import report  # noqa: E402
 TURBIDITY = 3.0
 GROUND_ALBEDO = 0.15
 MAX_DEPTH = 8
+# Exposure and white balance: units of the renderer in one of Mitsuba's. Fixed once for all pictures and for changes of the
+# renderer's light: with them level, white, matt ground in the open at noon was as bright in both.
+UNITS = np.array([6.47, 6.85, 6.93])
 # Samples of a pass: a pass holds all its paths in memory.
 PASS = 16
 
 
 def sun_and_sky(to_sun):
     return {"type": "sunsky", "sun_direction": to_sun, "turbidity": TURBIDITY, "albedo": GROUND_ALBEDO}
-
-
-def card_radiance(to_sun):
-    """Radiance of level, white, matt ground in the open."""
-    scene = mi.load_dict({
-        "type": "scene",
-        "integrator": {"type": "direct"},
-        "light": sun_and_sky(to_sun),
-        "card": {"type": "rectangle", "to_world": mi.ScalarTransform4f().scale(10),
-                 "bsdf": {"type": "diffuse", "reflectance": {"type": "rgb", "value": [1.0, 1.0, 1.0]}}},
-        "sensor": {"type": "perspective", "fov": 20,
-                   "to_world": mi.ScalarTransform4f().look_at([0, 0, 5], [0, 0, 0], [0, 1, 0]),
-                   "film": {"type": "hdrfilm", "width": 16, "height": 16, "rfilter": {"type": "box"}}},
-    })
-    return np.array(mi.render(scene, spp=1024)).mean(axis=(0, 1))[:3]
 
 
 def sensor(camera, extent):
@@ -64,7 +52,8 @@ def load_meshes(folder, scene):
     factors, rows = materials.factors(scene)
     # Between lines asphalt is as reflective as elsewhere.
     asphalt = rows.get(materials.MEASURED[0].name)
-    scene["asphalt_factor"] = asphalt[2] / asphalt[1] if asphalt else 1.0
+    surface = materials.SURFACE_REFLECTS
+    scene["asphalt_factor"] = (asphalt[2] - surface) / (asphalt[1] - surface) if asphalt else 1.0
     shapes = {}
     for mesh in scene["meshes"]:
         shapes[Path(mesh["file"]).stem.replace("-", "_")] = mi.load_dict({
@@ -95,7 +84,27 @@ def draw(folder, scene, args):
             passes += 1
         np.savez(sum_file(folder, camera, moment), total=total, passes=passes)
         print(f"{camera['name']}, {name}: {passes * PASS} samples, {time.monotonic() - begun:.0f} s", flush=True)
-    return wanted, rows
+    guides = {} if args.noisy else {camera["name"]: guides_of(folder, scene, shapes, camera) for _, camera in wanted}
+    return wanted, rows, guides
+
+
+def guides_of(folder, scene, shapes, camera):
+    """Reflectance and normals of each pixel, by which the denoiser tells textures and edges from noise."""
+    path = folder / f"{camera['name']}-guides.npz"
+    if not path.exists():
+        city = mi.load_dict({"type": "scene", **shapes,
+                             "integrator": {"type": "aov", "aovs": "albedo:albedo,normal:sh_normal"}})
+        values = np.array(mi.render(city, sensor=sensor(camera, scene["extent"]), spp=4 * PASS))[..., -6:]
+        np.savez(path, albedo=values[..., :3], normal=values[..., 3:])
+    with np.load(path) as stored:
+        return {key: np.ascontiguousarray(stored[key], np.float32) for key in ("albedo", "normal")}
+
+
+def denoised(radiance, guides):
+    """Without the noise that is left (Intel Open Image Denoise)."""
+    colour = np.ascontiguousarray(np.maximum(radiance, 0.0), np.float32)
+    return pyoidn.denoise(colour, albedo=np.clip(guides["albedo"], 0, 1), normal=guides["normal"], hdr=True,
+                          clean_aux=True)
 
 
 def sum_file(folder, camera, moment):
@@ -122,12 +131,15 @@ def picture(path):
     return np.asarray(Image.open(path).convert("RGB"), np.float32) / 255.0
 
 
-def compare(folder, scene, wanted, units):
+def compare(folder, scene, wanted, guides):
     """Rows of preset, camera, time, mean FLIP, and FLIP and mean colours by class."""
     results = []
     for moment, camera in wanted:
         total, passes = sum_of(folder, camera, moment)
-        shown = displayed(np.maximum(total / passes, 0.0) * units * moment["exposure"])
+        radiance = np.maximum(total / passes, 0.0)
+        if camera["name"] in guides:
+            radiance = denoised(radiance, guides[camera["name"]])
+        shown = displayed(radiance * UNITS * moment["exposure"])
         Image.fromarray((shown * 255 + 0.5).astype(np.uint8)).save(
             folder / f"{camera['name']}-{moment['name']}-reference.png")
         classes = np.fromfile(folder / f"{camera['name']}.classes", np.uint8).reshape(shown.shape[:2])
@@ -153,16 +165,14 @@ def main():
     parser.add_argument("--camera", action="append", help="only this one; may be repeated")
     parser.add_argument("--time", action="append", help="only this one; may be repeated")
     parser.add_argument("--again", action="store_true", help="draw pictures that are there already")
+    parser.add_argument("--noisy", action="store_true", help="leave the noise of the samples as it is")
     parser.add_argument("--pairs", type=Path, help="folder for pairs of pictures")
     args = parser.parse_args()
     scene = json.loads((args.folder / "scene.json").read_text())
     materials.set_up(args.folder, scene)
-    wanted, rows = draw(args.folder, scene, args)
-    # Exposure and white balance, fixed once for all: a white card in the open at noon looks the same in both.
-    noon = next(moment for moment in scene["times"] if moment["name"] == "noon")
-    units = np.array(noon["card"]) / card_radiance(noon["to_sun"])
-    results = compare(args.folder, scene, wanted, units)
-    text = report.tables(scene, results, rows, units)
+    wanted, rows, guides = draw(args.folder, scene, args)
+    results = compare(args.folder, scene, wanted, guides)
+    text = report.tables(scene, results, rows)
     (args.folder / "tables.md").write_text(text)
     (args.folder / "results.json").write_text(json.dumps(results, indent=1))
     print(text)

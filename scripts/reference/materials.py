@@ -7,6 +7,12 @@ import mitsuba as mi
 import numpy as np
 
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
+# Above this roughness the renderer's surfaces reflect diffusely alone, and those of the reference too.
+MATT = 0.96
+# What a rough dielectric of refractive index 1.5 reflects at its surface, of light from all sides: what the literature
+# measures is the sum of this and of the diffuse part (Karis 2014, at roughness 0.83 and 60 degrees).
+SURFACE_REFLECTS = 0.025
+ROUGH_DIELECTRICS = ("Asphalt", "Lane", "Patch", "Manhole", "Line")
 
 
 @dataclass(frozen=True)
@@ -52,6 +58,7 @@ class Atlas:
         texels = np.fromfile(folder / "textures.rgba", np.uint8).reshape(-1, edge, edge, 4) / 255.0
         texels[..., :3] = linear_from_srgb(texels[..., :3])
         self.means = texels.mean(axis=(1, 2))
+        self.is_matt = texels[..., 3] > MATT
         self.texels = mi.Float(texels.astype(np.float32).ravel())
 
     def at(self, layer, uv, channels):
@@ -85,6 +92,7 @@ def set_up(folder, scene):
     ATLAS, SCENE = Atlas(folder, scene), scene
     mi.register_texture("city_albedo", CityAlbedo)
     mi.register_texture("city_roughness", CityRoughness)
+    mi.register_texture("city_matt", CityMatt)
 
 
 class CityTexture(mi.Texture):
@@ -152,13 +160,31 @@ class CityRoughness(CityTexture):
         return f"CityRoughness[{self.surface}]"
 
 
+class CityMatt(CityRoughness):
+    """1 where a surface reflects diffusely alone."""
+
+    def eval_1(self, si, active=True):
+        return dr.select(super().eval_1(si, active) > MATT, mi.Float(1), mi.Float(0))
+
+    def to_string(self):
+        return f"CityMatt[{self.surface}]"
+
+
 def measured_of(mesh):
     """What the literature says of a mesh's material, if anything."""
     return next((m for m in MEASURED if mesh["surface"] in m.surfaces and mesh["class"] in m.classes), None)
 
 
 def reflectance_of(mesh):
-    """Mean luminous reflectance of a mesh as the renderer has it."""
+    """Mean luminous reflectance of a mesh as the renderer has it, that of its surface included."""
+    return diffuse_of(mesh) + surface_of(mesh)
+
+
+def surface_of(mesh):
+    return SURFACE_REFLECTS if mesh["surface"] in ROUGH_DIELECTRICS else 0.0
+
+
+def diffuse_of(mesh):
     colour = np.array(mesh["mean_colour"])
     if mesh["layer"] is None:
         return float(LUMINANCE @ colour)
@@ -184,8 +210,11 @@ def factors(scene):
     by_mesh = {}
     for mesh in scene["meshes"]:
         measured = measured_of(mesh)
-        _, own, wanted = rows[measured.name] if measured else (None, 1.0, 1.0)
-        by_mesh[mesh["file"]] = wanted / max(own, 1e-6)
+        by_mesh[mesh["file"]] = 1.0
+        if measured:
+            _, own, wanted = rows[measured.name]
+            surface = surface_of(mesh)
+            by_mesh[mesh["file"]] = (wanted - surface) / (own - surface)
     return by_mesh, rows
 
 
@@ -197,11 +226,16 @@ def bsdf(mesh, factor):
                  "roughness": max(mesh["roughness"], 0.05), "specular": 0.5}
         return {"type": "twosided", "inner": inner}
     texture = {"layer": mesh["layer"], "surface": mesh["surface"]}
-    inner = {
-        "type": "principled",
-        "base_color": {"type": "city_albedo", "factor": factor, "colour": colour, **texture},
-        "roughness": {"type": "city_roughness", **texture},
-        # Reflectance 0.04 at normal incidence: refractive index 1.5.
-        "specular": 0.5,
-    }
+    albedo = {"type": "city_albedo", "factor": factor, "colour": colour, **texture}
+    matt = {"type": "diffuse", "reflectance": albedo}
+    # Reflectance 0.04 at normal incidence: refractive index 1.5.
+    glossy = {"type": "principled", "base_color": albedo, "roughness": {"type": "city_roughness", **texture},
+              "specular": 0.5}
+    is_matt = ATLAS.is_matt[mesh["layer"]]
+    if mesh["surface"] in ROUGH_DIELECTRICS + ("CarPaint",) or not is_matt.any():
+        inner = glossy
+    elif is_matt.all():
+        inner = matt
+    else:
+        inner = {"type": "blendbsdf", "weight": {"type": "city_matt", **texture}, "first": glossy, "second": matt}
     return {"type": "twosided", "inner": inner}

@@ -17,10 +17,10 @@ def table(head, rows):
     return "\n".join("| " + " | ".join(line) + " |" for line in lines) + "\n"
 
 
-def tables(scene, results, materials, units):
+def tables(scene, results, materials):
     times = [moment["name"] for moment in scene["times"] if any(r["time"] == moment["name"] for r in results)]
     cameras = [c for c in scene["cameras"] if any(r["camera"] == c["name"] for r in results)]
-    parts = [f"Units of the renderer in one of Mitsuba: {', '.join(f'{u:.3f}' for u in units)}\n"]
+    parts = []
     rows = [[f"`{p}`", *(mean_of(results, preset=p, time=t) for t in times), mean_of(results, preset=p),
              mean_of(results, preset=p, held_out=False), mean_of(results, preset=p, held_out=True)]
             for p in scene["presets"]]

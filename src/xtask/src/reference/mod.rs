@@ -77,8 +77,6 @@ struct TimeEntry {
     hours: f32,
     to_sun: [f32; 3],
     exposure: f32,
-    /// Radiance of level, white, matt ground in the open.
-    card: [f32; 3],
 }
 
 #[derive(Debug, Serialize)]
@@ -185,7 +183,6 @@ fn export(
         hours: settings.daylight.hours,
         to_sun: light.to_sun.to_array(),
         exposure: light.exposure,
-        card: [0, 1, 2].map(|k| light.sun[k] * light.to_sun.z + light.sky[k]),
     };
     let file = SceneFile {
         extent: EXTENT,
