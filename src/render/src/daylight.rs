@@ -82,7 +82,9 @@ pub(super) struct Light {
 /// Below this elevation of the sun the moon replaces it; at it neither gives light.
 const DUSK_ELEVATION_DEG: f32 = -3.0;
 
-/// Key frames of the light by elevation of the sun, degrees, ascending.
+/// Key frames of the light by elevation of the sun, degrees, ascending. Sun, sky and zenith of the day are those of the
+/// model of Hosek and Wilkie (2012, 2013) for a clear sky, the sky less what a street does not see of it
+/// (`docs/reference.md`).
 const KEY_FRAMES: [(f32, Light); 4] = [
     (
         -12.0,
@@ -124,16 +126,16 @@ const KEY_FRAMES: [(f32, Light); 4] = [
         8.0,
         Light {
             to_sun: Vec3::Z,
-            sun: [2.15, 1.42, 0.76],
-            sky: [0.56, 0.60, 0.72],
-            ground: [0.30, 0.27, 0.23],
-            zenith: [0.13, 0.25, 0.55],
-            haze_srgb: [0.86, 0.80, 0.76],
-            zenith_srgb: [0.27, 0.43, 0.70],
+            sun: [1.86, 1.11, 0.36],
+            sky: [0.17, 0.21, 0.23],
+            ground: [0.14, 0.12, 0.09],
+            zenith: [0.06, 0.12, 0.20],
+            haze_srgb: [0.89, 0.88, 0.83],
+            zenith_srgb: [0.36, 0.55, 0.68],
             cloud_srgb: [0.98, 0.84, 0.72],
             glow_srgb: [1.0, 0.85, 0.58],
             hills_srgb: [0.40, 0.42, 0.42],
-            exposure: 1.20,
+            exposure: 1.50,
             lamps: 0.0,
             is_overcast: false,
         },
@@ -142,12 +144,12 @@ const KEY_FRAMES: [(f32, Light); 4] = [
         30.0,
         Light {
             to_sun: Vec3::Z,
-            sun: [2.45, 2.20, 1.82],
-            sky: [0.74, 0.84, 1.00],
-            ground: [0.42, 0.41, 0.36],
-            zenith: [0.16, 0.34, 0.78],
-            haze_srgb: [0.80, 0.855, 0.90],
-            zenith_srgb: [0.30, 0.52, 0.82],
+            sun: [3.14, 2.78, 2.18],
+            sky: [0.24, 0.34, 0.56],
+            ground: [0.37, 0.35, 0.29],
+            zenith: [0.14, 0.27, 0.56],
+            haze_srgb: [0.81, 0.87, 0.90],
+            zenith_srgb: [0.33, 0.53, 0.735],
             cloud_srgb: [1.0, 1.0, 1.01],
             glow_srgb: [1.0, 0.97, 0.88],
             hills_srgb: [0.38, 0.50, 0.46],

@@ -555,7 +555,7 @@ fn frustum_corner_rays(eye: DVec3, clip_from_world: &DMat4) -> [Vec3; 4] {
 }
 
 /// Density of the fog at the ground in clear weather.
-const CLEAR_FOG_DENSITY: f32 = 1.0 / 1150.0;
+const CLEAR_FOG_DENSITY: f32 = 1.0 / 2000.0;
 
 /// Uniforms of the frame that do not change: all but the time.
 fn constant_frame(

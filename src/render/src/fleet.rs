@@ -487,7 +487,11 @@ fn rows(rotation: Mat3, position: Vec3) -> [[f32; 4]; 3] {
 }
 
 /// Transforms to the city from each wheel: front left, front right, rear left, rear right.
-fn wheels(state: &VehicleState, info: &VehicleInfo, half_track: f32) -> impl Iterator<Item = [[f32; 4]; 3]> {
+pub(super) fn wheels(
+    state: &VehicleState,
+    info: &VehicleInfo,
+    half_track: f32,
+) -> impl Iterator<Item = [[f32; 4]; 3]> {
     let d = &info.dimensions;
     let (orientation, position) = (state.orientation.as_quat(), state.position.as_vec3());
     let radius = d.wheel_radius_m as f32;

@@ -105,6 +105,11 @@ impl BakedTextures {
     }
 }
 
+/// Texels along an edge of a surface's texture, and its texels; see [`super::SurfaceTexture`].
+pub(super) fn surface_texels(surface: u8) -> (u32, Vec<u8>) {
+    (SIZE, patterns::pattern(surface, SIZE))
+}
+
 /// Encodes reflectance as its square root instead of sRGB: a shader decodes it by one multiplication.
 fn sqrt_encoded(mut levels: Vec<Vec<u8>>) -> Vec<Vec<u8>> {
     let table: [u8; 256] =

@@ -46,7 +46,7 @@ fn overcast(clear: Light, cover: f32, brightness: f32) -> Light {
     let horizon = towards_grey(clear.haze_srgb, cover).map(|channel| channel * brightness);
     let above = horizon.map(|channel| channel * 0.86);
     let sky =
-        towards_grey(clear.sky, 0.75 * cover).map(|channel| channel * (1.0 - 0.4 * cover) + 0.27 * scattered);
+        towards_grey(clear.sky, 0.75 * cover).map(|channel| channel * (1.0 - 0.4 * cover) + 0.35 * scattered);
     let light = Light {
         sun: clear.sun.map(|channel| channel * (1.0 - cover)),
         sky,

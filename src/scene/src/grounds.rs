@@ -8,7 +8,7 @@ use city3d_geometry::point_in_polygon;
 use city3d_roadmap::{Footprint, SceneryKind};
 use glam::{DVec2, Vec2, Vec3};
 
-const LAWN: Finish = Finish::new(Surface::Grass, [98, 116, 68], Class::Grass);
+const LAWN: Finish = Finish::new(Surface::Grass, [103, 122, 71], Class::Grass);
 const PAVED: Finish = Finish::new(Surface::Slabs, [184, 176, 160], Class::Pavement);
 const SQUARE: Finish = Finish::new(Surface::Setts, [190, 176, 156], Class::Pavement);
 pub(super) const STONE: Finish = Finish::new(Surface::Concrete, [176, 172, 164], Class::Wall);
@@ -109,7 +109,7 @@ pub(super) fn ground(
 /// Height of the water of ponds.
 const POND_M: f32 = 0.165;
 const SHORE: Finish = Finish::new(Surface::Sand, [172, 152, 116], Class::Grass);
-const BANK: Finish = Finish::new(Surface::Grass, [92, 112, 62], Class::Grass);
+const BANK: Finish = Finish::new(Surface::Grass, [97, 118, 65], Class::Grass);
 const STONES: Finish = Finish::new(Surface::Concrete, [150, 146, 138], Class::Furniture);
 const REEDS: Finish = Finish::new(Surface::Plain, [96, 118, 58], Class::Vegetation);
 

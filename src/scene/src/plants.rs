@@ -6,7 +6,7 @@ use super::{SceneObject, SeededScenery};
 use city3d_roadmap::Footprint;
 use glam::{Vec2, Vec3};
 
-const HEDGE: Finish = Finish::new(Surface::Leaves, [104, 128, 74], Class::Vegetation);
+const HEDGE: Finish = Finish::new(Surface::Leaves, [110, 136, 79], Class::Vegetation);
 
 /// Spacing of cross-sections along a hedge.
 const STATION_M: f32 = 2.6;

@@ -10,8 +10,8 @@ use std::f32::consts::TAU;
 const BARK: Finish = Finish::new(Surface::Wood, [104, 84, 66], Class::Vegetation);
 const BIRCH_BARK: Finish = Finish::new(Surface::Wood, [206, 202, 192], Class::Vegetation);
 /// A grey that is tinted with the green of a tree.
-const LEAVES: Finish = Finish::new(Surface::Leaves, [200, 200, 200], Class::Vegetation);
-const NEEDLES: Finish = Finish::new(Surface::Needles, [200, 200, 200], Class::Vegetation);
+const LEAVES: Finish = Finish::new(Surface::Leaves, [213, 213, 213], Class::Vegetation);
+const NEEDLES: Finish = Finish::new(Surface::Needles, [236, 236, 236], Class::Vegetation);
 
 /// Greens of crowns.
 const GREENS: [[u8; 3]; 6] =

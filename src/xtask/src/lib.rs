@@ -11,4 +11,5 @@ pub mod ground_truth;
 pub mod models;
 pub mod neutral;
 pub mod notices;
+pub mod reference;
 pub mod soak;

@@ -9,6 +9,7 @@ use xtask::ground_truth::{GroundTruthArgs, ground_truth};
 use xtask::models;
 use xtask::neutral::{NeutralArgs, neutral};
 use xtask::notices;
+use xtask::reference::{ReferenceArgs, reference};
 use xtask::soak::{SoakArgs, soak};
 
 /// Tasks of the project's own
@@ -28,6 +29,8 @@ enum Task {
     GroundTruth(GroundTruthArgs),
     /// Measure camera pictures per second of a neutral scene that other engines can draw
     Neutral(NeutralArgs),
+    /// Export the city for a path tracer, and draw what its pictures are compared with: see scripts/reference.sh
+    Reference(ReferenceArgs),
     /// Serve a city for hours in simulated time, while its mainframe comes and goes
     Soak(SoakArgs),
 }
@@ -55,6 +58,7 @@ fn main() -> ExitCode {
         Task::Generate(task) => generate(&task).map_err(Into::into),
         Task::GroundTruth(args) => ground_truth(&args),
         Task::Neutral(args) => neutral(&args),
+        Task::Reference(args) => reference(&args),
         Task::Soak(args) => soak(&args),
     };
     match result {

@@ -121,11 +121,14 @@ fn mix(a: [f32; 3], b: [f32; 3], part: f32) -> [f32; 3] {
 fn colour(direction: Vec3, light: &Light) -> [f32; 3] {
     let up = direction.z;
     let horizon = light.haze_srgb;
-    let rise = 1.0 - (-4.2 * up.max(0.0)).exp();
+    let night = night_of(light);
+    // By day the light of the horizon reaches higher, as in the model of Hosek and Wilkie (2012).
+    let height = up.max(0.0);
+    let [by_day, by_night] = [4.0 * height * height.sqrt(), 4.2 * height].map(|depth| 1.0 - (-depth).exp());
+    let rise = by_day + (by_night - by_day) * night;
     let mut sky = mix(horizon, light.zenith_srgb, rise);
     let fade = ((up - 0.02) * 7.0).clamp(0.0, 1.0);
     let towards = direction.dot(light.to_sun);
-    let night = night_of(light);
     let cover = if fade > 0.0 { cloud_cover(direction) } else { 0.0 };
     if cover > 0.0 {
         let lit = 0.90 + 0.10 * octaves(cloud_plane(direction), [24, 24], 3, 207);

@@ -37,7 +37,7 @@ pub(super) enum VehiclePart {
 
 impl VehiclePart {
     /// Parts that are lamps.
-    const LAMPS: [Self; 5] =
+    pub(super) const LAMPS: [Self; 5] =
         [Self::Head, Self::Tail, Self::IndicatorLeft, Self::IndicatorRight, Self::Reverse];
 
     /// Lamp that a vertex with this packed material belongs to.

@@ -18,7 +18,7 @@ const PLASTERS: [[u8; 3]; 7] = [
 ];
 /// Tints of brick, multiplied with its red texture.
 const BRICKS: [[u8; 3]; 3] = [[255, 250, 244], [236, 216, 200], [255, 236, 214]];
-const TILES: [[u8; 3]; 4] = [[170, 92, 66], [146, 82, 64], [104, 102, 106], [134, 98, 78]];
+const TILES: [[u8; 3]; 4] = [[199, 108, 77], [171, 96, 75], [122, 119, 124], [157, 115, 91]];
 /// Board colours, light enough for dark letters.
 const SIGNS: [[u8; 3]; 6] =
     [[150, 176, 150], [206, 122, 104], [140, 168, 196], [226, 186, 96], [226, 214, 190], [184, 166, 190]];
@@ -127,4 +127,4 @@ pub(super) fn style(place: &SeededScenery<'_>, name: &str, short_m: f32, height:
 }
 
 /// Brick in the colour of [`Surface::Sash`].
-pub(super) const BARE_BRICK: Finish = wall(Surface::Brick, [190, 118, 95]);
+pub(super) const BARE_BRICK: Finish = wall(Surface::Brick, [203, 126, 102]);

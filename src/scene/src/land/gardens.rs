@@ -12,7 +12,7 @@ use super::sheds::Shed;
 use city3d_roadmap::{CityMap, Footprint, Scenery, SceneryKind};
 use glam::{DVec2, Vec2, Vec3};
 
-const LAWN: Finish = Finish::new(Surface::Grass, [94, 118, 66], Class::Grass);
+const LAWN: Finish = Finish::new(Surface::Grass, [99, 124, 69], Class::Grass);
 const PATH: Finish = Finish::new(Surface::Slabs, [186, 178, 164], Class::Pavement);
 const BED: Finish = Finish::new(Surface::Flowers, [235, 235, 235], Class::Vegetation);
 const SOIL: Finish = Finish::new(Surface::Wood, [112, 88, 68], Class::Grass);

@@ -4,7 +4,7 @@ use super::super::hash_to_unit;
 use super::super::mesh::{Class, Finish, Mesh, Surface};
 use glam::{DVec2, Vec2, Vec3};
 
-const HEDGEROW: Finish = Finish::new(Surface::Leaves, [92, 110, 64], Class::Vegetation);
+const HEDGEROW: Finish = Finish::new(Surface::Leaves, [98, 117, 68], Class::Vegetation);
 /// Half the width at the foot, and metres in which the leaves repeat.
 const HALF_M: f32 = 1.0;
 const REPEAT_M: f32 = 2.6;
