@@ -2,7 +2,7 @@
 # Compares the renderer with a path tracer: exports the city and draws it in all presets (cargo xtask reference), lets
 # Mitsuba draw the same cameras, and compares the pictures by FLIP. docs/reference.md says what is compared.
 #
-#   scripts/reference.sh                  all cameras and times, 256 samples a pixel: about 40 minutes on two cores
+#   scripts/reference.sh                  all cameras and times, 256 samples a pixel: about half an hour on two cores
 #   scripts/reference.sh --spp 64 ...     options of scripts/reference/compare.py
 #
 # Files are left in target/reference/files: tables.md, results.json, and the pictures. Mitsuba's pictures are not drawn
