@@ -164,11 +164,12 @@ impl TrafficPlace {
         };
         let others = snapshot.iter().filter(|(other, _)| in_sight(other));
         let nearest = others.filter_map(|(other, info)| {
-            let (gap_m, rear) = nearest_point(map, &way, &body_points(other, info))?;
-            let along = other.forward().dot(pose.forward());
-            let following =
-                Following { gap_m, speed_mps: state.speed_mps, leader_mps: other.speed_mps * along.max(0.0) };
-            Some(LeaderAhead { vehicle: other.id, following, rear })
+            let rear = nearest_point(map, &way, &body_points(other, info))?;
+            // Along the way where it is: in a bend both drive along it in different directions.
+            let along = other.forward().dot(rear.direction).max(0.0);
+            let (gap_m, leader_mps) = (rear.at_m, other.speed_mps * along);
+            let following = Following { gap_m, speed_mps: state.speed_mps, leader_mps };
+            Some(LeaderAhead { vehicle: other.id, following, rear: rear.point })
         });
         let leader = nearest.min_by(|a, b| a.following.gap_m.total_cmp(&b.following.gap_m));
         Some(Self { axle, front, leader })
@@ -177,20 +178,33 @@ impl TrafficPlace {
 
 /// The nearest of some points of a body that are ahead on a way, with its distance along it. A body whose front is beside or
 /// behind the front bumper is not ahead.
-fn nearest_point(map: &CityMap, way: &[WayAhead], points: &[DVec2; 4]) -> Option<(f64, DVec2)> {
+fn nearest_point(map: &CityMap, way: &[WayAhead], points: &[DVec2; 4]) -> Option<PointOnWay> {
     let on_way = |point: DVec2| {
         let feet = way.iter().filter_map(|stretch| {
             let lane = map.lane(stretch.lane);
             let foot = lane.curve.project(point);
             let is_beside = foot.s > 0.0 && foot.s < lane.curve.length();
-            (is_beside && foot.distance < lane.width_m / 2.0).then_some(stretch.begins_m + foot.s)
+            let direction = || lane.curve.at(foot.s).pose.forward();
+            (is_beside && foot.distance < lane.width_m / 2.0).then(|| PointOnWay {
+                at_m: stretch.begins_m + foot.s,
+                point,
+                direction: direction(),
+            })
         });
-        feet.filter(|at_m| *at_m < SIGHT_M).min_by(f64::total_cmp)
+        feet.filter(|found| found.at_m < SIGHT_M).min_by(|a, b| a.at_m.total_cmp(&b.at_m))
     };
-    let found: Vec<(f64, DVec2)> = points.iter().filter_map(|p| Some((on_way(*p)?, *p))).collect();
-    let farthest_m = found.iter().map(|(at_m, _)| *at_m).fold(f64::NEG_INFINITY, f64::max);
+    let found: Vec<PointOnWay> = points.iter().filter_map(|point| on_way(*point)).collect();
+    let farthest_m = found.iter().map(|found| found.at_m).fold(f64::NEG_INFINITY, f64::max);
     (farthest_m > 0.0).then_some(())?;
-    found.into_iter().min_by(|a, b| a.0.total_cmp(&b.0))
+    found.into_iter().min_by(|a, b| a.at_m.total_cmp(&b.at_m))
+}
+
+/// A point of a body on a way: how far ahead it is, and where the way leads there.
+#[derive(Clone, Copy, Debug)]
+struct PointOnWay {
+    at_m: f64,
+    point: DVec2,
+    direction: DVec2,
 }
 
 #[cfg(test)]
@@ -234,6 +248,32 @@ mod tests {
         }
         // Where ways part or meet, the framework heeds bodies that still reach into the lane.
         assert!(compared > 100 && missed * 20 < compared, "{missed} of {compared} differ");
+    }
+
+    #[test]
+    fn a_vehicle_ahead_in_a_bend_counts_with_all_of_its_speed() {
+        let mut run = run("roundabout");
+        let experiment = Arc::clone(run.experiment());
+        let (map, finder) = (&experiment.city_map, LaneFinder::new(&experiment.city_map));
+        let mut in_bends = 0;
+        for _ in 0..3000 {
+            run.step();
+            let snapshot = run.snapshot();
+            for cav in run.mainframe().cavs().iter().filter(|cav| cav.is_on_route()) {
+                let place = TrafficPlace::of((map, &finder), snapshot, cav.id, cav.route.lanes());
+                let Some(leader) = place.and_then(|place| place.leader) else { continue };
+                let [own, ahead] = [cav.id, leader.vehicle].map(|id| snapshot.vehicle(id).unwrap());
+                let follows = run.mainframe().cav(leader.vehicle).unwrap().route.lanes();
+                // Who crosses the way does not drive along it.
+                if own.forward().dot(ahead.forward()) > 0.9 || !cav.route.lanes().ends_with(&follows[1..]) {
+                    continue;
+                }
+                in_bends += 1;
+                let leader_mps = leader.following.leader_mps;
+                assert!((leader_mps - ahead.speed_mps).abs() < 0.05 * ahead.speed_mps + 0.05, "{leader:?}");
+            }
+        }
+        assert!(in_bends > 100, "{in_bends}");
     }
 
     #[test]

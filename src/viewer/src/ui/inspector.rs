@@ -232,7 +232,9 @@ fn motion(
     let target = decision.map_or_else(|| not_told(shown).to_owned(), |decision| speed(decision.target_mps));
     let speeds = format!("{}, target {target}", speed(vehicle.speed_mps));
     row(ui, "Speed", &speeds, "Along its heading, and what road and driver allow here");
-    let planned = decision.map_or_else(String::new, |decision| {
+    // Decisions are sampled for logs, links and the past: that of a moment ago is not the one of now.
+    let is_of_now = shown.city == CityKind::Local && shown.replay.is_none() && !shown.past.is_shown;
+    let planned = decision.filter(|_| is_of_now).map_or_else(String::new, |decision| {
         format!(", planned {}", decimal.signed(decision.acceleration_mps2, 2))
     });
     let acceleration = format!("{} m/s\u{b2}{planned}", decimal.signed(vehicle.acceleration_mps2, 2));

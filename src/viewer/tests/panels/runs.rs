@@ -223,6 +223,27 @@ fn the_start_page_lists_recent_files_and_recorded_runs() {
     assert_eq!(harness.state().actions, expected);
 }
 
+#[test]
+fn the_panel_of_files_is_in_front_of_a_start_page_that_was_opened_later() {
+    let folder = files();
+    let mut harness = browsing(folder.path());
+    press(&mut harness, Key::Escape);
+    assert!(harness.state().state.runs.files.is_none());
+    click(&mut harness, "Open");
+    let button = harness.get_by_label("Open file ...").rect().center();
+    // A slow window sees press and release in one frame.
+    let side = |pressed| {
+        let (button_kind, modifiers) = (egui::PointerButton::Primary, egui::Modifiers::NONE);
+        egui::Event::PointerButton { pos: button, button: button_kind, pressed, modifiers }
+    };
+    harness.event(egui::Event::PointerMoved(button));
+    harness.run_steps(1);
+    harness.input_mut().events.extend([side(true), side(false)]);
+    harness.run_steps(3);
+    let heading = harness.get_by_label("Open a scenario, a map or a log").rect().center();
+    assert_eq!(harness.ctx.layer_id_at(heading).unwrap().id, egui::Id::unique("files"));
+}
+
 fn entry(folder: &str, name: &str) -> RunEntry {
     let age = "2 hours ago".to_owned();
     RunEntry {

@@ -125,6 +125,11 @@ fn problems(ui: &mut Ui, edit: &EditView<'_>) {
     } else if edit.problems.is_empty() {
         ui.label(format!("\u{2714} {vehicles}, no problems"));
     }
+    if !edit.problems.is_empty() {
+        ui.label(
+            "Lengths and speeds below are those of the file, in laboratory units; the fields are full-scale:",
+        );
+    }
     for problem in edit.problems {
         ui.colored_label(ui.visuals().error_fg_color, format!("\u{26a0} {problem}"));
     }

@@ -9,6 +9,9 @@ use city3d_session::{Order, RunPhase};
 use city3d_simulation::measures::TrafficMeasures;
 use egui::{Grid, RichText, TextEdit, Ui};
 
+/// Vehicles that drive less have not moved.
+const MOVES_M: f64 = 0.1;
+
 /// State of the card.
 #[derive(Clone, Debug, Default)]
 pub struct EndCard {
@@ -107,7 +110,9 @@ fn results(
     (mean_speed, decimal): (&str, DecimalSeparator),
     traffic: &TrafficMeasures,
 ) {
-    let longest = measures.vehicles.values().max_by(|a, b| a.longest_stand_s.total_cmp(&b.longest_stand_s));
+    // What never moves is an obstacle.
+    let drivers = measures.vehicles.values().filter(|vehicle| vehicle.distance_m > MOVES_M);
+    let longest = drivers.max_by(|a, b| a.longest_stand_s.total_cmp(&b.longest_stand_s));
     Grid::new("results").num_columns(2).spacing([18.0, 3.0]).show(ui, |ui| {
         let mut row = |name: &str, value: String, is_bad: bool| {
             ui.label(name);
@@ -124,6 +129,16 @@ fn results(
         };
         row("Throughput", number(trips.throughput_per_h, 0, "vehicles/h"), false);
         row("Mean delay", number(trips.mean_delay_s, 1, "s"), false);
+        // Whole trips may end in a queue: what coordination does is in its zones.
+        let zones: Vec<_> = traffic.zones().filter_map(|(zone, _)| traffic.zone_totals(&zone.name)).collect();
+        if !zones.is_empty() {
+            let passages: u32 = zones.iter().map(|of| of.count).sum();
+            let delay_s: f64 =
+                zones.iter().filter_map(|of| Some(of.mean_delay_s? * f64::from(of.count))).sum();
+            let delay_s = (passages > 0).then(|| delay_s / f64::from(passages));
+            let stops: u32 = zones.iter().map(|of| of.stops).sum();
+            row("In control zones", format!("{stops} stops, mean delay {}", number(delay_s, 1, "s")), false);
+        }
         if let Some(vehicle) = longest.filter(|vehicle| vehicle.longest_stand_s >= 0.1) {
             row(
                 "Longest stand",

@@ -4,7 +4,9 @@ use super::folder::{EntryKind, FileFilter, Folder, FolderEntry, READABLE, has_ru
 use super::{OpenRequest, RunPanels, StartLists, UiAction};
 use crate::ui::EditAction;
 use egui::text::{CCursor, CCursorRange};
-use egui::{Align, Context, Event, Id, Key, Layout, Modal, RichText, ScrollArea, TextEdit, Ui};
+use egui::{
+    Align, Context, Event, Id, Key, LayerId, Layout, Modal, Order, RichText, ScrollArea, TextEdit, Ui,
+};
 use std::path::{MAIN_SEPARATOR, Path, PathBuf};
 
 /// What the chosen file is for.
@@ -228,6 +230,11 @@ impl FilePanel {
     }
 }
 
+/// The layer that it is drawn to.
+pub(super) fn layer() -> LayerId {
+    LayerId::new(Order::Foreground, Id::unique("files"))
+}
+
 /// Shows the panel while it is open.
 pub(super) fn show(ui: &Ui, panels: &mut RunPanels, lists: &StartLists, actions: &mut Vec<UiAction>) {
     let Some(panel) = &mut panels.files else { return };
@@ -238,7 +245,7 @@ pub(super) fn show(ui: &Ui, panels: &mut RunPanels, lists: &StartLists, actions:
         // The list has the keyboard, not what had it before.
         ui.memory_mut(|memory| memory.focused().into_iter().for_each(|id| memory.surrender_focus(id)));
     }
-    let modal = Modal::new(Id::unique("files")).show(ui.ctx(), |ui| {
+    let modal = Modal::new(layer().id).show(ui.ctx(), |ui| {
         ui.set_width(680.0_f32.min(room.x - 40.0));
         ui.heading(match panel.purpose {
             FilePurpose::Open => "Open a scenario, a map or a log",

@@ -2,6 +2,7 @@
 
 use super::super::commands::OPEN;
 use super::super::{ScenarioChoice, UiAction, UiState, ViewModel};
+use super::file_panel;
 use super::{FilePurpose, OpenFields, OpenRequest, RunEntry, pictures, short_path};
 use egui::{
     Align2, Color32, FontId, Id, Key, Modal, Modifiers, Rect, Response, RichText, Role, ScrollArea, Sense,
@@ -89,6 +90,10 @@ pub(super) fn show(ui: &Ui, state: &mut UiState, shown: &ViewModel<'_>, actions:
     }
     if browses {
         state.runs.browse(FilePurpose::Open);
+    }
+    if state.runs.files.is_some() {
+        // The press on the page's button brings the page to the front, in some frames after the panel.
+        ui.ctx().move_to_top(file_panel::layer());
     }
 }
 
