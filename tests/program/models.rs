@@ -1,6 +1,7 @@
 //! Model files: what is shipped is what the command writes, and what is broken is refused by name.
 
 use city3d_models::{MeshPrimitive, Model, SHIPPED, glb, is_other_lod};
+use city3d_protocol::snapshot::BodyType;
 use city3d_roadmap::dxf::EntityShape;
 use glam::{DVec2, Vec3};
 use serde_json::{Value, json};
@@ -330,4 +331,22 @@ fn a_model_beside_the_scenario_takes_the_place_of_a_shipped_one() {
     std::fs::write(folder.join("sedan.glb"), b"no model").unwrap();
     let told = refused(&city3d(folder, &["check", "a.toml"]));
     assert!(told.contains("sedan.glb: header"), "{told}");
+}
+
+#[test]
+fn every_shipped_shape_and_the_bus_of_the_document_can_be_used() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    for (name, _) in BodyType::SHIPPED {
+        std::fs::write(folder.join(format!("{name}.toml")), scenario(name, "ids3c")).unwrap();
+        let output = city3d(folder, &["check", &format!("{name}.toml")]);
+        assert!(output.status.success(), "{name}: {output:?}");
+    }
+    let document = include_str!("../../docs/models.md");
+    let from = document.find("    [vehicle_type.bus]").expect("the example of a bus");
+    let lines = document[from..].lines().take_while(|line| line.is_empty() || line.starts_with("    "));
+    let example = lines.map(|line| line.trim_start()).collect::<Vec<_>>().join("\n");
+    std::fs::write(folder.join("bus.toml"), format!("name = \"bus\"\nduration_s = 3\n{example}\n")).unwrap();
+    let output = city3d(folder, &["run", "bus.toml", "--out", "out"]);
+    assert!(output.status.success(), "{output:?}");
 }
