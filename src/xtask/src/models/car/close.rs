@@ -49,7 +49,7 @@ pub(super) fn trim(builder: &mut PrimitiveBuilder, shape: &CarShape) {
 fn lamp(builder: &mut PrimitiveBuilder, shape: &CarShape, facing: f32, side: f32) {
     let mirrored = |p: Vec3| Vec3::new(p.x, p.y * side, p.z);
     let end_side = ShellColumn::Side(if facing > 0.0 { 2.14 } else { -2.22 }, 0.0);
-    let mut columns = vec![
+    let mut columns = [
         ShellColumn::End(facing, 0.62),
         ShellColumn::End(facing, 0.82),
         ShellColumn::End(facing, 1.0),
@@ -206,7 +206,6 @@ fn mirror(builder: &mut PrimitiveBuilder, shape: &CarShape, side: f32) {
     builder.grid(&points, |_| 230, |_, _| Some(PAINT));
     caps[usize::from(side < 0.0)].reverse();
     for cap in caps {
-        let cap: Vec<Vec3> = if side > 0.0 { cap } else { cap };
         builder.plate(&cap[..10], PLASTIC, 200);
     }
     let y = [0.12, 0.88].map(|way| side * (inner + (outer - inner) * way));
