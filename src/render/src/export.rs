@@ -14,7 +14,7 @@ use std::sync::Arc;
 /// Albedo of the whitest paint of a vehicle, as in `shaders/vehicle.wgsl`.
 const PAINT_REFLECTS: f32 = 0.80;
 /// Roughness of the clear coat over paint and of the covers of lamps, as in `shaders/light.wgsl`.
-pub const LACQUER: f32 = 0.12;
+pub const LACQUER: f32 = 0.08;
 /// Share of light that the cabin adds to window glass, as in `shaders/vehicle.wgsl`.
 const CABIN: f32 = 0.02;
 

@@ -37,8 +37,10 @@ struct GpuMesh {
     indices: wgpu::Buffer,
     /// Levels of detail, the finest first.
     levels: Vec<GpuMeshLod>,
-    /// Body of the finest level, for the ego occlusion mask.
-    finest_body: VehicleMesh,
+    /// Body of the usual level, which cameras on the vehicle see: the same in all presets, so that ground truth agrees.
+    own_body: VehicleMesh,
+    /// Where its vertices begin.
+    own_base: i32,
     lenses: Vec<LampLens>,
     half_track_m: f32,
 }
@@ -65,10 +67,11 @@ pub(super) struct VisibleVehicle {
     own_body: Option<OwnBody>,
 }
 
-/// Triangles of the finest body of a vehicle that a camera on it may see.
+/// Triangles of the body of a vehicle that a camera on it may see.
 #[derive(Clone, Debug)]
 struct OwnBody {
     indices: wgpu::Buffer,
+    base: i32,
     count: u32,
 }
 
@@ -134,12 +137,17 @@ impl GpuMesh {
                 levels.push(GpuMeshLod { body, glass, wheel, error_m: level.error_m });
             }
         }
+        let own = usize::from(opaque.is_some()).min(levels.len().saturating_sub(1));
+        let before = fitted.levels.iter().take(own);
+        let own_base: usize =
+            before.map(|level| level.body.vertices.len() + level.wheel.vertices.len()).sum();
         let buffer = |contents: &[u8], usage| filled_buffer(device, "vehicles", contents, usage);
         Self {
             vertices: buffer(bytemuck::cast_slice(&mesh.vertices), wgpu::BufferUsages::VERTEX),
             indices: buffer(bytemuck::cast_slice(&mesh.indices), wgpu::BufferUsages::INDEX),
             levels,
-            finest_body: fitted.levels.into_iter().next().map(|level| level.body).unwrap_or_default(),
+            own_body: fitted.levels.into_iter().nth(own).map(|level| level.body).unwrap_or_default(),
+            own_base: own_base as i32,
             lenses: fitted.lenses,
             half_track_m: fitted.half_track_m,
         }
@@ -281,19 +289,21 @@ impl FleetRenderer {
     /// What a view sees of the vehicle that carries its camera.
     pub(super) fn own_vehicle(&mut self, device: &wgpu::Device, view: &View) -> Option<OwnVehicle> {
         let placed = self.placed.iter().find(|placed| view.carrier == Some(placed.id))?;
-        let body = &self.meshes.get(&placed.key)?.finest_body;
+        let mesh = self.meshes.get(&placed.key)?;
+        let (body, base) = (&mesh.own_body, mesh.own_base);
         let clip_from_body = (view.clip_from_world() * placed.world_from_body).as_mat4();
         let corner = |k: u32| clip_from_body * Vec3::from(body.vertices[k as usize].position).extend(1.0);
         let (faces, _) = body.indices.as_chunks::<3>();
         let corners = || faces.iter().map(|face| face.map(corner));
         let own_body = |seen: &[usize]| {
-            // The finest body is the first in the buffers of its mesh. A buffer is never empty.
+            // A buffer is never empty.
             let indices: Vec<u32> = seen.iter().flat_map(|&k| faces[k]).collect();
             let held: &[u32] = if indices.is_empty() { &[0] } else { &indices };
             let contents = bytemuck::cast_slice(held);
             OwnBody {
                 indices: filled_buffer(device, "own body", contents, wgpu::BufferUsages::INDEX),
                 count: indices.len() as u32,
+                base,
             }
         };
         let views = self.ego_views.entry(placed.key).or_default();
@@ -387,7 +397,7 @@ impl FleetRenderer {
             mesh.bind(pass);
             if let Some(own) = &vehicle.own_body {
                 pass.set_index_buffer(own.indices.slice(..), wgpu::IndexFormat::Uint32);
-                pass.draw_indexed(0..own.count, 0, index..index + 1);
+                pass.draw_indexed(0..own.count, own.base, index..index + 1);
                 continue;
             }
             let end = if with_glass { body.end } else { body.end - glass.len() as u32 };
