@@ -84,7 +84,7 @@ pub const BUS: HeavyShape = HeavyShape {
         side_glass: [4, 5],
         windscreen: [3, 6],
         rear_window: Some([4, 5]),
-        far_rows: &[0, 3, 6, 7, 9, 11],
+        far_rows: &[0, 3, 6, 8, 11],
         farther_rows: &[0, 3, 6, 8, 11],
         windows: &[
             [-5.0, -4.0],
@@ -242,15 +242,15 @@ pub(super) fn body(builder: &mut PrimitiveBuilder, shape: &HeavyShape, detail: C
     match detail {
         CarDetail::Near | CarDetail::Close => {
             wells(builder, shape);
-            side_windows(builder, shape);
+            side_windows(builder, shape, detail);
             heavy_trim::trim(builder, shape);
         }
         CarDetail::Far => {
-            side_windows(builder, shape);
+            side_windows(builder, shape, detail);
             wheel_shade(builder, shape);
         }
         CarDetail::Farther => {
-            side_windows(builder, shape);
+            side_windows(builder, shape, detail);
             wheel::painted(
                 builder,
                 [shape.wheelbase, shape.wheel_radius, shape.wheel_out, shape.wheel_width],
@@ -358,11 +358,15 @@ pub(super) fn on_end(
 }
 
 /// Windows along the sides, frames around them, and doors.
-fn side_windows(builder: &mut PrimitiveBuilder, shape: &HeavyShape) {
+fn side_windows(builder: &mut PrimitiveBuilder, shape: &HeavyShape, detail: CarDetail) {
     let hull = &shape.hull;
     let [low, high] = hull.side_glass.map(|k| hull.rows[k].z);
     for side in [1.0_f32, -1.0] {
         let (first, last) = (hull.windows[0][0], hull.windows[hull.windows.len() - 1][1]);
+        if detail == CarDetail::Farther {
+            on_side(builder, shape, (side, 0.008), [[first, last], [low, high]], GLASS);
+            continue;
+        }
         // A dark band with the glass in it.
         let edge = 0.045;
         on_side(

@@ -64,6 +64,14 @@ pub(super) fn mirrors(builder: &mut PrimitiveBuilder, shape: &HeavyShape, detail
     for side in [1.0_f32, -1.0] {
         let span = |a: f32, b: f32| if side > 0.0 { [a, b] } else { [-b, -a] };
         let [low, high] = span(inner, out);
+        if detail == CarDetail::Farther {
+            // What is seen from the front and from behind.
+            for y in [[low, high], [high, low]] {
+                let corners = [(y[0], z), (y[1], z), (y[1], z + 0.42), (y[0], z + 0.42)];
+                builder.plate(&corners.map(|(y, z)| Vec3::new(x, y, z)), PLASTIC, 230);
+            }
+            continue;
+        }
         builder.block(Vec3::new(x - 0.05, low, z), Vec3::new(x + 0.06, high, z + 0.42), PLASTIC, 230);
         if detail.is_near() {
             let [low, high] = span(inner - 0.22, inner + 0.04);
@@ -92,9 +100,11 @@ pub(super) fn roof_unit(builder: &mut PrimitiveBuilder, detail: CarDetail) {
 pub(super) fn cargo_box(builder: &mut PrimitiveBuilder, shape: &HeavyShape, detail: CarDetail) {
     let (rear, front) = (-shape.length / 2.0 + 0.02, 1.26);
     let (half, low, high) = (1.2, 0.94, shape.height);
-    builder.block(Vec3::new(rear + 0.1, -0.5, 0.52), Vec3::new(1.5, 0.5, low + 0.02), WELL, 90);
+    if detail != CarDetail::Farther {
+        builder.block(Vec3::new(rear + 0.1, -0.5, 0.52), Vec3::new(1.5, 0.5, low + 0.02), WELL, 90);
+    }
     let edge = 0.05;
-    if detail == CarDetail::Farther {
+    if !detail.is_near() {
         builder.block(Vec3::new(rear, -half, low), Vec3::new(front, half, high), BOX, 245);
     } else {
         chamfered(builder, [Vec3::new(rear, -half, low), Vec3::new(front, half, high)], edge, BOX);
