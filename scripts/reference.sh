@@ -13,7 +13,6 @@ cd "$(dirname "$0")/.."
 source scripts/setup.sh
 
 FOLDER=target/reference
-wanted=scripts/reference/requirements.txt
 
 find_rust
 set_runtime_folder
@@ -23,15 +22,8 @@ DRJIT_LIBLLVM_PATH=${DRJIT_LIBLLVM_PATH:-$(find_llvm)}
 [[ -n "$DRJIT_LIBLLVM_PATH" ]] || die "LLVM 19 is missing: set DRJIT_LIBLLVM_PATH to its libLLVM.so"
 export DRJIT_LIBLLVM_PATH
 
-if ! cmp -s "$wanted" "$FOLDER/venv/requirements.txt"; then
-    say "installing Mitsuba and FLIP into $FOLDER/venv"
-    install_packages python3-venv
-    mkdir -p "$FOLDER"
-    rm -rf "$FOLDER/venv"
-    python3 -m venv "$FOLDER/venv" || { rm -rf "$FOLDER/venv"; /usr/bin/python3 -m venv "$FOLDER/venv"; }
-    "$FOLDER/venv/bin/pip" install -q --disable-pip-version-check -r "$wanted"
-    cp "$wanted" "$FOLDER/venv/requirements.txt"
-fi
+install_packages python3-venv
+make_venv "$FOLDER/venv" scripts/reference/requirements.txt
 
 say "exporting the city, and drawing it in all presets"
 cargo xtask reference --out "$FOLDER/files"

@@ -77,18 +77,22 @@ set_up_tests() {
     set_up_peers
 }
 
-# A Python of its own for the peers of the tests, made anew when their versions change.
+# make_venv FOLDER REQUIREMENTS: a Python of its own, made anew when the versions change.
+make_venv() {
+    local venv=$1 wanted=$2
+    cmp -s "$wanted" "$venv/requirements.txt" && return
+    say "installing $wanted into $venv"
+    rm -rf "$venv"
+    mkdir -p "$(dirname "$venv")"
+    # Another python3 may come first in PATH and have no venv.
+    python3 -m venv "$venv" || { rm -rf "$venv"; /usr/bin/python3 -m venv "$venv"; }
+    "$venv/bin/pip" install -q --disable-pip-version-check -r "$wanted"
+    cp "$wanted" "$venv/requirements.txt"
+}
+
+# A Python of its own for the peers of the tests.
 set_up_peers() {
-    local wanted=tests/peers/requirements.txt
-    if ! cmp -s "$wanted" "$PEERS/requirements.txt"; then
-        say "installing the peers of the tests into $PEERS"
-        rm -rf "$PEERS"
-        mkdir -p target
-        # Another python3 may come first in PATH and have no venv.
-        python3 -m venv "$PEERS" || { rm -rf "$PEERS"; /usr/bin/python3 -m venv "$PEERS"; }
-        "$PEERS/bin/pip" install -q --disable-pip-version-check -r "$wanted"
-        cp "$wanted" "$PEERS/requirements.txt"
-    fi
+    make_venv "$PEERS" tests/peers/requirements.txt
     export CITY3D_PEERS_PYTHON="$PWD/$PEERS/bin/python"
 }
 

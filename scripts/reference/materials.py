@@ -144,7 +144,7 @@ class CityRoughness(CityTexture):
 
     def eval_1(self, si, active=True):
         if self.surface == "CarPaint":
-            return mi.Float(0.12)
+            return mi.Float(SCENE["lacquer"])
         if self.surface == "Line":
             return mi.Float(0.75)
         if self.surface in ("Asphalt", "Lane", "Patch"):

@@ -71,7 +71,7 @@ pub struct VehicleVertex {
     pub metallic: f32,
 }
 
-/// Triangles of all vehicles of a snapshot at the finest level of detail, three vertices each. `models` replace the
+/// Triangles of all vehicles of a snapshot at the usual level of detail, three vertices each. `models` replace the
 /// shipped ones.
 pub fn vehicle_triangles(
     snapshot: &FrameSnapshot,
@@ -82,13 +82,13 @@ pub fn vehicle_triangles(
     let mut triangles = Vec::new();
     for (state, info) in snapshot.iter() {
         let fitted = known.fit(info.appearance.body, &info.dimensions);
-        let Some(finest) = fitted.levels.first() else { continue };
+        let Some(usual) = fitted.levels.first() else { continue };
         let paint = info.appearance.colour.map(|channel| linear_from_srgb(channel) * PAINT_REFLECTS);
         let (turn, at) = (Mat3::from_quat(state.orientation.as_quat()), state.position.as_vec3());
-        append(&mut triangles, &finest.body, paint, (turn, at));
+        append(&mut triangles, &usual.body, paint, (turn, at));
         for [x, y, z] in wheels(state, info, fitted.half_track_m) {
             let turn = Mat3::from_cols_array_2d(&[0, 1, 2].map(|k| [x[k], y[k], z[k]]));
-            append(&mut triangles, &finest.wheel, paint, (turn, Vec3::new(x[3], y[3], z[3])));
+            append(&mut triangles, &usual.wheel, paint, (turn, Vec3::new(x[3], y[3], z[3])));
         }
     }
     triangles

@@ -1,6 +1,7 @@
 //! Triangles of the city and its vehicles at the finest level of detail, sorted by material.
 
 use city3d_models::Model;
+use city3d_models::glb::linear_from_srgb;
 use city3d_protocol::snapshot::{BodyType, FrameSnapshot};
 use city3d_render::vehicle_triangles;
 use city3d_scene::{Class, Mesh, SceneDescription, SceneObject, Surface, Vertex};
@@ -131,12 +132,6 @@ fn append(groups: &mut BTreeMap<GroupKey, Group>, mesh: &Mesh, city_from_mesh: &
             group.indices.push(number);
         }
     }
-}
-
-/// Linear light of an 8-bit sRGB channel (IEC 61966-2-1).
-pub(super) fn linear_from_srgb(value: u8) -> f32 {
-    let c = f32::from(value) / 255.0;
-    if c <= 0.040_45 { c / 12.92 } else { ((c + 0.055) / 1.055).powf(2.4) }
 }
 
 /// Mean of the colours of a group.

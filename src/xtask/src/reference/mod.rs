@@ -9,10 +9,11 @@ mod ply;
 pub use cameras::{CAMERAS, FixedCamera, TIMES};
 pub use geometry::{ExportVertex, Group, GroupKey, MeanColour, groups};
 
+use city3d_models::glb::linear_from_srgb;
 use city3d_protocol::snapshot::FrameSnapshot;
 use city3d_render::{
-    AdapterPreference, Context, Quality, RenderRequest, Renderer, SceneLight, Settings, SurfaceTexture,
-    write_png,
+    AdapterPreference, Context, LACQUER, Quality, RenderRequest, Renderer, SceneLight, Settings,
+    SurfaceTexture, write_png,
 };
 use city3d_scene::{ASPHALT, SceneDescription, Surface};
 use city3d_sensors::{Lens, PictureKind, PictureKinds, View};
@@ -58,6 +59,8 @@ struct SceneFile {
     grass_layer: u8,
     /// Linear colour of plain asphalt, which is between the lines of a mesh of lines.
     asphalt: [f32; 3],
+    /// Roughness of the clear coat over car paint.
+    lacquer: f32,
     meshes: Vec<MeshEntry>,
 }
 
@@ -192,7 +195,8 @@ fn export(
         texture_edge: layers.first().map_or(0, |layer| layer.edge),
         asphalt_layer: Surface::Asphalt as u8,
         grass_layer: Surface::Grass as u8,
-        asphalt: ASPHALT.colour.map(geometry::linear_from_srgb),
+        asphalt: ASPHALT.colour.map(linear_from_srgb),
+        lacquer: LACQUER,
         meshes,
     };
     std::fs::write(folder.join("scene.json"), serde_json::to_string_pretty(&file)?)?;
