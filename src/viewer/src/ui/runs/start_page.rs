@@ -2,8 +2,7 @@
 
 use super::super::commands::OPEN;
 use super::super::{ScenarioChoice, UiAction, UiState, ViewModel};
-use super::file_panel;
-use super::{FilePurpose, OpenFields, OpenRequest, RunEntry, pictures, short_path};
+use super::{FilePurpose, OpenFields, OpenRequest, RunEntry, file_panel, pictures, short_path};
 use egui::{
     Align2, Color32, FontId, Id, Key, Modal, Modifiers, Rect, Response, RichText, Role, ScrollArea, Sense,
     StrokeKind, TextStyle, Ui, Vec2, WidgetInfo,
