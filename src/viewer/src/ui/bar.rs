@@ -51,7 +51,7 @@ fn replayed(
     (shown, name): (&ViewModel<'_>, &str),
     actions: &mut Vec<UiAction>,
 ) {
-    let tip = format!("The recorded run of {}; nothing is simulated", shown.scenario);
+    let tip = format!("The recorded run of {}, {}; nothing is simulated", shown.scenario, shown.conditions);
     ui.label(RichText::new(format!("Replay of {name}")).strong()).on_hover_text(tip);
     open_button(ui, state);
     if shown.runs.may_run_again
@@ -315,7 +315,10 @@ fn scenario(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>, actions: &m
     let present = shown.scenarios.iter().find(|choice| choice.name == shown.scenario);
     let about = present.map(|choice| choice.description.as_str()).filter(|about| !about.is_empty());
     let tip = about.map_or_else(String::new, |about| format!("{about}.\n"));
-    let tip = format!("{tip}The scenario {}; another one starts from its beginning", shown.scenario);
+    let tip = format!(
+        "{tip}The scenario {}, {}; another one starts from its beginning",
+        shown.scenario, shown.conditions
+    );
     cell(ui, SCENARIO, |ui| _ = picker.show_ui(ui, choices).response.on_hover_text(tip));
 }
 

@@ -391,6 +391,7 @@ impl ViewerState {
         let editor = self.editor.as_ref().filter(|_| self.edits);
         let scenario_info =
             editor.and_then(ScenarioEditor::city).map_or(&self.scenario_info, |city| &city.info);
+        let conditions = self.experiment.conditions();
         let shown = ViewModel {
             run_state: &run_state,
             interpolated: &self.interpolated,
@@ -406,6 +407,7 @@ impl ViewerState {
             cameras: &scenario_info.cameras,
             steering_geometry: &scenario_info.steering_geometry,
             scenario: &self.request.scenario,
+            conditions: &conditions,
             duration_s: self.experiment.duration_s,
             scenarios: &self.scenarios,
             loading: self.loading.as_deref(),

@@ -233,6 +233,7 @@ impl Desk {
             cameras: &self.cameras,
             steering_geometry: &self.steering_geometry,
             scenario: "straight",
+            conditions: "seed 1, ideal environment",
             duration_s: 30.0,
             scenarios: &["straight", "city"].map(|name| ScenarioChoice {
                 name: name.to_owned(),

@@ -316,7 +316,9 @@ fn a_finished_run_tells_what_came_of_it_and_what_can_be_done() {
     ] {
         assert!(harness.query_all_by_label_contains(text).count() > 0, "{text}");
     }
-    assert!(harness.query_by_label_contains("straight, seed 1: 12.0 s simulated").is_some());
+    assert!(
+        harness.query_by_label_contains("straight, seed 1, ideal environment: 12.0 s simulated").is_some()
+    );
     assert!(harness.query_by_label_contains("Vehicles that have collided stay where they are").is_some());
     click(&mut harness, "Replay");
     click(&mut harness, "Run again");
@@ -329,6 +331,26 @@ fn a_finished_run_tells_what_came_of_it_and_what_can_be_done() {
     harness.state_mut().run_state.run = 2;
     harness.run_steps(2);
     harness.get_by_label("Replay");
+}
+
+#[test]
+fn the_result_can_be_seen_while_the_run_goes_on_beyond_its_end() {
+    let mut desk = finished();
+    desk.run_state.phase = RunPhase::Running;
+    let mut harness = harness(desk);
+    click(&mut harness, "Panels");
+    harness.get_by_label_contains("Show the result of the run").click();
+    harness.run_steps(3);
+    harness.get_by_label_contains("straight, seed 1, ideal environment: 12.0 s simulated");
+    assert!(harness.query_by_label("Continue").is_none(), "it goes on");
+    press(&mut harness, Key::Escape);
+    assert!(harness.query_by_label_contains("12.0 s simulated").is_none());
+    // Before its end a run has none.
+    harness.state_mut().run_state.outcome = None;
+    click(&mut harness, "Panels");
+    harness.get_by_label_contains("Show the result of the run").click();
+    harness.run_steps(3);
+    assert!(harness.query_by_label("Throughput").is_none());
 }
 
 #[test]

@@ -65,7 +65,7 @@ pub(super) fn window(ui: &Ui, state: &mut UiState, shown: &ViewModel<'_>, action
         ui.label(format!(
             "{}, seed {}: {} s simulated",
             measures.scenario,
-            measures.seed,
+            measures.conditions(),
             decimal.fixed(measures.simulated_s, 1)
         ));
         ui.add_space(4.0);
