@@ -65,8 +65,7 @@ pub use panels::Panel;
 pub use preview::{KEPT_S, Preview, PreviewCamera, ScenarioCamera};
 pub use run_until::RunUntilState;
 pub use settings::SettingsPage;
-pub use status::is_off_lanes;
-pub(crate) use theme::difference as colour_difference;
+pub use status::{gives_way, is_off_lanes};
 pub use theme::{DecimalSeparator, Preferences, SpeedUnit, StatusColours, Theme, ground};
 pub use timeline::{ShownTime, TimelineRange, TimelineView};
 pub use tracks::{TrackPoint, Tracks};
@@ -385,11 +384,6 @@ impl UiState {
     /// Whether something on display needs the plans of coordinated vehicles.
     pub fn shows_plans(&self) -> bool {
         self.layers.plans || self.open.traffic || self.open.inspector || !self.previews.is_empty()
-    }
-
-    /// Whether something on display needs the decisions of the control framework.
-    pub fn shows_decisions(&self) -> bool {
-        self.open.inspector || self.layers.measured
     }
 
     /// The vehicle that the user drives.

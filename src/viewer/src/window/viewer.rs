@@ -4,6 +4,7 @@ mod editing;
 mod entering;
 mod kept;
 mod seat;
+mod shown_status;
 #[cfg(test)]
 mod tests;
 mod title;
@@ -23,7 +24,7 @@ use crate::ui::{
     UiState, VideoRequest, VideoStatus, ViewModel,
 };
 use city3d_logbook::record::LogOrigin;
-use city3d_protocol::snapshot::{FrameSnapshot, Status, VehicleSpec, VehicleState};
+use city3d_protocol::snapshot::{FrameSnapshot, Status, VehicleId, VehicleSpec, VehicleState};
 use city3d_render::Context;
 use city3d_session::playback::{LogInfo, PastPlayer, PlaybackCommand, Player};
 use city3d_session::{
@@ -117,6 +118,8 @@ pub struct ViewerState {
     scenarios: Vec<ScenarioChoice>,
     /// Description of what is being loaded.
     pub loading: Option<String>,
+    /// Vehicles that the user has released, before the step that hears of it.
+    released: Vec<VehicleId>,
     /// Number of the run in which the user last took the driver's seat.
     seated_in_run: u32,
     footer: String,
@@ -220,6 +223,7 @@ impl ViewerState {
             interpolated,
             scenarios: shipped_scenarios().map(choice).collect(),
             loading: None,
+            released: Vec::new(),
             seated_in_run: 0,
             footer: String::new(),
             adapter: String::new(),
@@ -357,7 +361,8 @@ impl ViewerState {
         self.follow_editor_panel();
         let now_s = ui.input(|input| input.time);
         self.ask_for_plans(self.state.shows_plans());
-        self.ask_for_decisions(self.state.shows_decisions());
+        // Statuses are shown as they fit them.
+        self.ask_for_decisions(true);
         self.meet_vehicles(&run_state);
         self.seat_user(now_s);
         self.say_refusal(&run_state, now_s);
@@ -371,6 +376,8 @@ impl ViewerState {
         } else if let Some(earlier) = self.past.advance(now, &live, &self.history, &self.experiment) {
             (run_state, weight) = (before_start(earlier.0), earlier.1);
         }
+        let is_present = !self.past.is_past() && !self.edits;
+        run_state = self.with_shown_statuses(run_state, is_present);
         let past = PastView { head: self.past.head(&live, &self.history), is_shown: self.past.is_past() };
         self.interpolated.blend(&run_state.before, &run_state.now, weight);
         let told = self.player().map(|player| (player.head(), player.is_late(), player.info()));
@@ -485,7 +492,7 @@ impl ViewerState {
         }
     }
 
-    /// Asks the run for decisions and delays of commands while they are on display.
+    /// Asks the run for decisions and delays of commands.
     pub fn ask_for_decisions(&mut self, wants: bool) {
         if wants != self.asks_for_decisions && self.send(Order::TellDecisions(wants)) {
             self.asks_for_decisions = wants;

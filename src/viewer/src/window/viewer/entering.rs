@@ -223,6 +223,7 @@ impl ViewerState {
         self.figures = LiveFigures::new(&experiment, LogOrigin::Run);
         self.curves = ComparedCurves::default();
         self.past.go_live();
+        self.released.clear();
         self.experiment = experiment;
         let first = self.run_state();
         let viewpoint = self.state.viewpoint.clone();
