@@ -28,7 +28,9 @@ pub fn show(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>, actions: &m
                 if shown.city == CityKind::Local {
                     speed(ui, shown.run_state.speed, actions);
                 }
-                clock(ui, shown);
+                if clock(ui, shown) {
+                    run(&commands::RESULT, ui, state, shown, actions);
+                }
             });
             group(ui, "city", |ui| match &shown.run_state.link {
                 Some(link) => super::link::show(ui, link, shown),
@@ -243,7 +245,8 @@ pub fn other_speed(present: Speed, faster: bool) -> Speed {
     }
 }
 
-fn clock(ui: &mut Ui, shown: &ViewModel<'_>) {
+/// Shows time and phase; returns whether the result of the finished run is asked for.
+fn clock(ui: &mut Ui, shown: &ViewModel<'_>) -> bool {
     let run_state = shown.run_state;
     // The bar belongs to the run, also while its past is shown.
     let is_past = shown.past.is_shown;
@@ -280,7 +283,18 @@ fn clock(ui: &mut Ui, shown: &ViewModel<'_>) {
     if matches!(run_state.phase, RunPhase::Over | RunPhase::Failed(_)) {
         text = text.strong().color(ui.visuals().warn_fg_color);
     }
-    cell(ui, PACE, |ui| _ = ui.add(egui::Label::new(text).extend()).on_hover_text(tip));
+    let mut label = egui::Label::new(text).extend().selectable(false);
+    let has_result = run_state.phase == RunPhase::Over && shown.city == CityKind::Local;
+    let tip = match has_result {
+        true => {
+            label = label.sense(egui::Sense::click());
+            format!("{tip}. Click to see the result")
+        }
+        false => tip.to_owned(),
+    };
+    let mut is_asked = false;
+    cell(ui, PACE, |ui| is_asked = ui.add(label).on_hover_text(tip).clicked());
+    is_asked && has_result
 }
 
 /// With as many digits as can be read while it changes.
@@ -351,10 +365,18 @@ fn panels(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>, actions: &mut
         if shown.replay.is_none() {
             entries.push(&commands::CONTROLLERS);
             entries.push(&commands::EDIT);
+            entries.push(&commands::RESULT);
         }
         entries.push(&commands::SETTINGS);
         for command in entries {
-            if ui.add(Button::new(command.name).shortcut_text(command.key(ui.ctx()))).clicked() {
+            let button = Button::new(command.name).shortcut_text(command.key(ui.ctx()));
+            let availability = command.availability(state, shown);
+            let button = ui.add_enabled(availability == commands::Availability::Now, button);
+            let button = match availability {
+                commands::Availability::After(hint) => button.on_disabled_hover_text(hint.words(&state.keys)),
+                _ => button,
+            };
+            if button.clicked() {
                 chosen = Some(command);
             }
         }
@@ -366,6 +388,19 @@ fn panels(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>, actions: &mut
         let mut timeline = TimelineView::of(shown);
         command.run(&mut commands::CommandContext { state, shown, actions, timeline: &mut timeline, now_s });
     }
+}
+
+/// Runs an action that a control of the bar stands for.
+fn run(
+    command: &commands::Command,
+    ui: &Ui,
+    state: &mut UiState,
+    shown: &ViewModel<'_>,
+    actions: &mut Vec<UiAction>,
+) {
+    let now_s = ui.input(|input| input.time);
+    let mut timeline = TimelineView::of(shown);
+    command.run(&mut commands::CommandContext { state, shown, actions, timeline: &mut timeline, now_s });
 }
 
 fn camera_tip(mode: CameraMode) -> &'static str {

@@ -292,7 +292,7 @@ fn outcome() -> Summary {
     Summary::new(&experiment, &observer, &snapshot, events, 1.0)
 }
 
-fn finished() -> Desk {
+pub fn finished() -> Desk {
     let mut desk = Desk::with(fleet(2));
     desk.run_state.phase = RunPhase::Over;
     desk.run_state.folder = Some("/runs/straight-1/run-1".into());
@@ -311,6 +311,7 @@ fn a_finished_run_tells_what_came_of_it_and_what_can_be_done() {
         "Stops",
         "Mean speed",
         "Throughput",
+        "none: fewer than two vehicles have arrived",
         "Mean delay",
         "/runs/straight-1/run-1",
     ] {
@@ -325,9 +326,19 @@ fn a_finished_run_tells_what_came_of_it_and_what_can_be_done() {
     click(&mut harness, "Continue");
     let expected = [UiAction::Replay, UiAction::RunAgain(Some(2)), UiAction::Order(Order::Start)];
     assert_eq!(harness.state().actions, expected);
-    // It can be put away, and the next run has a card of its own.
+    // It can be put away and fetched again, and the next run has a card of its own.
+    let result = "Show the result of the run";
+    for way in ["finished", result] {
+        click(&mut harness, "Close window");
+        assert!(harness.query_by_label("Replay").is_none());
+        if way == result {
+            click(&mut harness, "Panels");
+        }
+        harness.get_by_label_contains(way).click();
+        harness.run_steps(3);
+        harness.get_by_label("Replay");
+    }
     click(&mut harness, "Close window");
-    assert!(harness.query_by_label("Replay").is_none());
     harness.state_mut().run_state.run = 2;
     harness.run_steps(2);
     harness.get_by_label("Replay");

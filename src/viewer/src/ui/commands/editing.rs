@@ -11,21 +11,25 @@ registry!(
         let action = if c.shown.edit.is_some() { EditAction::End } else { EditAction::Begin };
         push(c, action);
     })
+    .known_as("editor change create")
     .only(may_edit)
     .within(NOT_PLAYED),
     ADD = Command::always("Add a vehicle: click its lane", &[key(Key::Insert)], |c| {
         editing::choose(c.state, EditTool::AddVehicle);
     })
+    .known_as("car insert new")
     .only(is_editing)
     .within(Scope::EDITING),
     OBSTACLE = Command::always("Add an obstacle: click where a vehicle is parked", &[key(Key::O)], |c| {
         editing::choose(c.state, EditTool::AddObstacle);
     })
+    .known_as("parked car block")
     .only(is_editing)
     .within(Scope::EDITING),
     ROUTE = Command::always("Draw the route of the selected vehicle", &[key(Key::T)], |c| {
         editing::choose(c.state, EditTool::DrawRoute);
     })
+    .known_as("path lanes")
     .only(has_stated)
     .within(Scope::EDITING),
     REMOVE = Command::always("Remove the selected vehicle from the scenario", &[key(Key::Delete)], |c| {
@@ -33,6 +37,7 @@ registry!(
             push(c, EditAction::Remove(id));
         }
     })
+    .known_as("delete car")
     .only(has_stated)
     .within(Scope::EDITING),
     UNDO = Command::always("Undo", &[ctrl(Key::Z)], |c| push(c, EditAction::Undo))
@@ -47,9 +52,11 @@ registry!(
     SAVE_AS = Command::always("Save the scenario as another file", &[ctrl(Key::S).with_shift()], |c| {
         c.state.runs.browse(FilePurpose::SaveScenario { runs: false });
     })
+    .known_as("export copy")
     .only(is_editing)
     .within(Scope::EDITING),
     RUN = Command::always("Save the scenario and run it", &[key(Key::F5)], |c| push(c, EditAction::Run))
+        .known_as("start simulate")
         .only(|state, shown| match (&shown.edit, is_editing(state, shown)) {
             (Some(edit), _) if edit.is_checking =>
                 Availability::After(Hint::new("The scenario is still being checked.")),
