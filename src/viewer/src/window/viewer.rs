@@ -513,8 +513,7 @@ impl ViewerState {
     /// Carries out a playback command. Who drives has to see the present.
     fn look_back(&mut self, command: PlaybackCommand, now_s: f64) {
         if self.state.driving.is_some() {
-            let said = "You drive: release the vehicle to look at the past";
-            self.state.say(self.state.keys.tip(said, &ui::commands::RELEASE), now_s);
+            self.state.say(ui::commands::DRIVES.words(&self.state.keys), now_s);
             return;
         }
         self.control_playback(command);

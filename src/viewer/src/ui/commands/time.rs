@@ -111,6 +111,9 @@ registry!(
     .only(|state, _| Availability::when(state.section != TimelineRange::default())),
 );
 
+/// Why who drives does not look at the past.
+pub const DRIVES: Hint = Hint::by("You drive: release the vehicle to look at the past", &RELEASE);
+
 /// Use of the mouse.
 pub const GESTURES: &[(&str, &str)] = &[
     ("click on the timeline", "Go to that time, or to the event of a mark and select its vehicle"),
@@ -126,9 +129,7 @@ fn is_played(_: &UiState, shown: &ViewModel<'_>) -> Availability {
 /// Available in the present, too; who drives has to see it.
 fn looks_back(state: &UiState, _: &ViewModel<'_>) -> Availability {
     match state.driving {
-        Some(_) => {
-            Availability::After(Hint::by("You drive: release the vehicle to look at the past", &RELEASE))
-        }
+        Some(_) => Availability::After(DRIVES),
         None => Availability::Now,
     }
 }
