@@ -24,7 +24,8 @@ pub fn show(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>, actions: &m
             group(ui, "replay", |ui| replayed(ui, state, (shown, replay.name), actions));
         } else {
             group(ui, "run", |ui| {
-                run_controls(ui, shown, actions);
+                let has_just_ended = state.has_just_ended(ui.input(|input| input.time));
+                run_controls(ui, (shown, has_just_ended), actions);
                 if shown.city == CityKind::Local {
                     speed(ui, shown.run_state.speed, actions);
                 }
@@ -126,7 +127,7 @@ const DURATION: f32 = 50.0;
 /// Width of the list of scenarios, so that its neighbours do not move: a longer name is cut, and stands in the tip.
 const SCENARIO: f32 = 122.0;
 
-fn run_controls(ui: &mut Ui, shown: &ViewModel<'_>, actions: &mut Vec<UiAction>) {
+fn run_controls(ui: &mut Ui, (shown, has_just_ended): (&ViewModel<'_>, bool), actions: &mut Vec<UiAction>) {
     if shown.edit.is_some() {
         return edited_run_controls(ui, shown, actions);
     }
@@ -153,7 +154,9 @@ fn run_controls(ui: &mut Ui, shown: &ViewModel<'_>, actions: &mut Vec<UiAction>)
         let duration = theme::decimal(ui.ctx()).plain(shown.duration_s);
         let tip = format!("Continue beyond the {duration} s of the scenario, until paused");
         let tip = keys.tip(&tip, &commands::START_OR_PAUSE);
-        button(ui, "\u{25b6} Continue", !shown.run_state.has_ended, &tip, Order::Start);
+        // It takes the place of Pause.
+        let may = !shown.run_state.has_ended && !has_just_ended;
+        button(ui, "\u{25b6} Continue", may, &tip, Order::Start);
     } else {
         let tip = keys.tip("Start the run", &commands::START_OR_PAUSE);
         button(ui, "\u{25b6} Start", can_run, &tip, Order::Start);
@@ -384,9 +387,7 @@ fn panels(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>, actions: &mut
     menu.response.on_hover_text("Show and hide panels");
     ui.toggle_value(&mut state.open.help, "Help").on_hover_text(commands::HELP.tip(ui.ctx(), "All keys"));
     if let Some(command) = chosen {
-        let now_s = ui.input(|input| input.time);
-        let mut timeline = TimelineView::of(shown);
-        command.run(&mut commands::CommandContext { state, shown, actions, timeline: &mut timeline, now_s });
+        run(command, ui, state, shown, actions);
     }
 }
 
@@ -416,6 +417,7 @@ fn camera_tip(mode: CameraMode) -> &'static str {
 }
 
 /// Widths of the lists of qualities and of times of day: for the longest of their words.
+const MENU_HEIGHT: f32 = 420.0;
 const QUALITY: f32 = 70.0;
 const TIME: f32 = 76.0;
 
@@ -432,22 +434,25 @@ fn look(ui: &mut Ui, state: &mut UiState, actions: &mut Vec<UiAction>) {
         })
         .response
         .on_hover_text("Quality of the pictures: low for machines without a GPU");
-    ComboBox::from_id_salt("time")
-        .selected_text(state.look.light())
+    // A long text is cut, and stands in the tip: one row at the width of 1280 points.
+    let tip = format!("Time of day and weather: {}", state.look.light());
+    let list = ComboBox::from_id_salt("time")
+        .selected_text(state.look.weather_first())
         .width(TIME)
         .truncate()
-        .show_ui(ui, |ui| {
-            for (hours, label) in TIMES {
-                ui.selectable_value(&mut state.look.hours, hours, label);
-            }
-            any_time(ui, state);
-            ui.separator();
-            for weather in Weather::ALL {
-                ui.selectable_value(&mut state.look.weather, weather, weather.name());
-            }
-        })
-        .response
-        .on_hover_text("Time of day and weather");
+        // All of it at once: a list that ends with the slider hides the weather.
+        .height(MENU_HEIGHT);
+    let choices = |ui: &mut Ui| {
+        for (hours, label) in TIMES {
+            ui.selectable_value(&mut state.look.hours, hours, label);
+        }
+        any_time(ui, state);
+        ui.separator();
+        for weather in Weather::ALL {
+            ui.selectable_value(&mut state.look.weather, weather, weather.name());
+        }
+    };
+    cell(ui, TIME, |ui| _ = list.show_ui(ui, choices).response.on_hover_text(tip));
     if state.look != before {
         actions.push(UiAction::Look(state.look));
     }
@@ -489,6 +494,12 @@ impl Look {
     /// Takes over time of day and weather of another look.
     pub fn show_light_of(&mut self, other: Self) {
         (self.hours, self.weather) = (other.hours, other.weather);
+    }
+
+    /// The weather unless it is clear, and the time of day: of what has no room the former says more.
+    fn weather_first(&self) -> String {
+        let time = time_label(self.hours);
+        if self.weather == Weather::Clear { time } else { format!("{}, {time}", self.weather.name()) }
     }
 
     /// Time of day, and the weather unless it is clear.

@@ -11,6 +11,10 @@ use egui::Key;
 
 registry!(
     START_OR_PAUSE = Command::always("Start, pause or continue the run", &[key(Key::Space)], |c| {
+        if c.state.has_just_ended(c.now_s) {
+            let said = "The run has just come to its end. Continue beyond it";
+            return c.state.say(c.state.keys.tip(said, &START_OR_PAUSE), c.now_s);
+        }
         let runs = c.shown.run_state.phase == RunPhase::Running;
         c.order(if runs { Order::Pause } else { Order::Start });
     })
