@@ -67,6 +67,7 @@ pub use run_until::RunUntilState;
 pub use settings::SettingsPage;
 pub use status::{gives_way, is_off_lanes};
 pub use theme::{DecimalSeparator, Preferences, SpeedUnit, StatusColours, Theme, ground};
+pub(crate) use theme::{difference as colour_difference, legible_line};
 pub use timeline::{ShownTime, TimelineRange, TimelineView};
 pub use tracks::{TrackPoint, Tracks};
 pub use vehicle_menu::{MenuSubject, VehicleMenu};
