@@ -41,10 +41,12 @@ registry!(
     .only(has_stated)
     .within(Scope::EDITING),
     UNDO = Command::always("Undo", &[ctrl(Key::Z)], |c| push(c, EditAction::Undo))
-        .only(|_, shown| { Availability::when(shown.edit.as_ref().is_some_and(|edit| edit.can_undo)) })
+        .only(|_, shown| {
+            Availability::when(shown.edit.as_ref().is_some_and(|edit| edit.undoes.is_some()))
+        })
         .within(Scope::EDITING),
     REDO = Command::always("Redo", &[ctrl(Key::Z).with_shift(), ctrl(Key::Y)], |c| push(c, EditAction::Redo))
-        .only(|_, shown| Availability::when(shown.edit.as_ref().is_some_and(|edit| edit.can_redo)))
+        .only(|_, shown| Availability::when(shown.edit.as_ref().is_some_and(|edit| edit.redoes.is_some())))
         .within(Scope::EDITING),
     SAVE = Command::always("Save the scenario", &[ctrl(Key::S)], |c| push(c, EditAction::Save))
         .only(is_editing)
