@@ -41,6 +41,10 @@ pub fn show(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>, actions: &m
     let extent = extent(rect, ui.ctx().pixels_per_point(), shown.most_moving_pixels.filter(|_| moves));
     state.viewpoint.begin(shown.interpolated, shown.map, shown.control_zones);
     state.viewpoint.show_whole(shown.interpolated, extent, shown.walls);
+    let dt_s = f64::from(ui.input(|input| input.stable_dt.min(0.1)));
+    if state.viewpoint.keep_in_sight(shown.interpolated, shown.walls, dt_s) {
+        ui.ctx().request_repaint();
+    }
     let view = state.viewpoint.view(shown.interpolated, extent);
     state.pictures.push(PictureRequest { slot: PictureSlot::City, view, kind: PictureKind::Rgb });
     super::paint_picture(ui, rect, shown, PictureSlot::City);
