@@ -434,10 +434,12 @@ fn look(ui: &mut Ui, state: &mut UiState, actions: &mut Vec<UiAction>) {
         })
         .response
         .on_hover_text("Quality of the pictures: low for machines without a GPU");
-    // A long text is cut, and stands in the tip: one row at the width of 1280 points.
+    // One row at the width of 1280 points: a long text is small, cut where need be, and stands in the tip.
+    let words = RichText::new(state.look.weather_first());
+    let words = if state.look.weather == Weather::Clear { words } else { words.small() };
     let tip = format!("Time of day and weather: {}", state.look.light());
     let list = ComboBox::from_id_salt("time")
-        .selected_text(state.look.weather_first())
+        .selected_text(words)
         .width(TIME)
         .truncate()
         // All of it at once: a list that ends with the slider hides the weather.

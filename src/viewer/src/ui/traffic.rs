@@ -156,7 +156,7 @@ const COLUMNS: [(&str, &str); 10] = [
     ("Passed", "Vehicles that have arrived, or left the control zone behind its last conflict"),
     (
         "Flow (/h)",
-        "Exits after the first one over the time since it, vehicles an hour; of fewer than two there is none",
+        "Exits after the first one over the time since it, vehicles an hour; none of fewer than two after the warm-up",
     ),
     ("Delay (s)", "Mean time lost against driving alone, with the time held outside"),
     ("Most (s)", "Largest delay"),

@@ -312,7 +312,7 @@ fn a_finished_run_tells_what_came_of_it_and_what_can_be_done() {
         "Stops",
         "Mean speed",
         "Throughput",
-        "none: fewer than two vehicles have arrived",
+        "none: fewer than two arrivals counted",
         "Mean delay",
         "/runs/straight-1/run-1",
     ] {

@@ -10,7 +10,7 @@ use city3d_simulation::measures::{TrafficMeasures, TrafficReport};
 use egui::{Grid, RichText, TextEdit, Ui};
 
 /// In place of measures that a run does not have.
-const NO_THROUGHPUT: &str = "none: fewer than two vehicles have arrived";
+const NO_THROUGHPUT: &str = "none: fewer than two arrivals counted";
 const NO_DELAY: &str = "none: no vehicle has a known way";
 /// Vehicles that drive less have not moved.
 const MOVES_M: f64 = 0.1;
