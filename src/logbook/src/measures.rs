@@ -44,6 +44,9 @@ pub struct RunMeasures {
     pub scenario: String,
     /// Seed of the random draws.
     pub seed: u64,
+    /// Environment between control framework and vehicles; empty in a summary of an earlier version, which does not say.
+    #[serde(default)]
+    pub environment: String,
     /// Simulated time at the end.
     pub simulated_s: f64,
     /// One between two vehicles counts once.
@@ -161,6 +164,7 @@ impl RunMeasures {
         Self {
             scenario: summary.scenario.clone(),
             seed: summary.seed,
+            environment: summary.environment.to_owned(),
             simulated_s: summary.simulated_s,
             collisions: summary.collisions as u64,
             mean_speed_mps: summary.mean_speed_mps,
@@ -195,6 +199,14 @@ impl RunMeasures {
         serde_json::from_str(&text).map_err(|reason| MeasuresError::Damaged { path: path.clone(), reason })
     }
 
+    /// What tells runs of one scenario apart, in words: its seed, and its environment where that is known.
+    pub fn conditions(&self) -> String {
+        match self.environment.as_str() {
+            "" => format!("seed {}", self.seed),
+            environment => format!("seed {}, {environment} environment", self.seed),
+        }
+    }
+
     /// How often vehicles came to stand; 0 of a run that did not count it.
     pub fn stops(&self) -> u64 {
         self.traffic.stops.unwrap_or_default()
@@ -226,7 +238,7 @@ impl RunMeasures {
         of_run("arrived", Count, 0, &|run| run.traffic.arrived.map(|count| count as f64));
         of_run("mean delay", Seconds, 1, &|run| run.traffic.mean_delay_s);
         of_run("stood, all together", Seconds, 1, &|run| run.traffic.stood_s);
-        of_run("fuel", Millilitres, 1, &|run| run.traffic.fuel_ml);
+        of_run("fuel, none while braking", Millilitres, 1, &|run| run.traffic.fuel_ml);
         of_run("least time to collision", Seconds, 2, &|run| run.traffic.min_ttc_s);
         of_run("least post-encroachment time", Seconds, 2, &|run| run.traffic.min_pet_s);
         of_run("least gap", Metres, 2, &|run| run.traffic.min_gap_m);
@@ -267,6 +279,7 @@ impl VehicleMeasures {
 mod tests {
     use super::*;
     use city3d_protocol::snapshot::Event;
+    use city3d_simulation::environment::EnvironmentProfile;
     use city3d_simulation::runner::{Observer, Run};
     use city3d_simulation::scenario::{Library, Overrides, read_experiment};
     use std::sync::Arc;
@@ -295,6 +308,7 @@ mod tests {
         std::fs::write(&path, serde_json::to_string_pretty(&written).unwrap()).unwrap();
         let (known, read) = (RunMeasures::of(&written), RunMeasures::read(folder.path()).unwrap());
         assert_eq!(known, read);
+        assert_eq!(read.conditions(), "seed 7, ideal environment");
         assert_eq!(RunMeasures::read(&folder.path().join("run.mcap")).unwrap(), read);
         let mut other = read.clone();
         other.collisions = 3;
@@ -307,6 +321,22 @@ mod tests {
         assert_eq!(find("collisions", None).values, [Some(0.0), Some(3.0)]);
         let name = read.vehicles[&1].name.as_str();
         assert!((find("mean speed", Some(name)).difference().unwrap() - 1.0).abs() < 1e-9);
+    }
+
+    #[test]
+    fn a_summary_of_an_earlier_version_is_read_without_its_environment() {
+        let folder = tempfile::tempdir().unwrap();
+        let testbed = Overrides {
+            environment: Some(EnvironmentProfile::Testbed),
+            duration_s: Some(0.5),
+            ..Overrides::default()
+        };
+        let written = summary_of("straight", testbed);
+        assert_eq!(RunMeasures::of(&written).conditions(), "seed 1, testbed environment");
+        let mut fields = serde_json::to_value(&written).unwrap();
+        assert_eq!(fields.as_object_mut().unwrap().remove("environment").unwrap(), "testbed");
+        std::fs::write(folder.path().join("summary.json"), fields.to_string()).unwrap();
+        assert_eq!(RunMeasures::read(folder.path()).unwrap().conditions(), "seed 1");
     }
 
     #[test]

@@ -1,7 +1,10 @@
-//! The metres of figures of paths: of the laboratory or of the city, and their names on axes and in tables.
+//! The units of figures of paths: metres of the laboratory or of the city, speeds in m/s or km/h, and their names on axes and
+//! in tables.
 
 use super::FigureScale;
 use super::views::FigureSet;
+
+const KMH_PER_MPS: f64 = 3.6;
 
 impl FigureSet<'_> {
     /// The same in these metres, which its axes and columns name.
@@ -11,11 +14,27 @@ impl FigureSet<'_> {
         self
     }
 
-    /// A length or a speed of the city in the metres of the figure.
+    /// A length of the city in the metres of the figure.
     pub(super) fn metres(&self, city: f64) -> f64 {
         match self.scale {
             None | Some(FigureScale::Laboratory) => self.runs[0].lab(city),
             Some(FigureScale::City | FigureScale::CityMetresPerSecond) => city,
+        }
+    }
+
+    /// A speed of the city in the unit of the figure.
+    pub(super) fn speed_of(&self, city_mps: f64) -> f64 {
+        match self.scale {
+            Some(FigureScale::City) => city_mps * KMH_PER_MPS,
+            None | Some(FigureScale::CityMetresPerSecond | FigureScale::Laboratory) => self.metres(city_mps),
+        }
+    }
+
+    /// The unit of speeds on an axis.
+    pub(super) fn speed_unit(&self) -> String {
+        match self.scale {
+            Some(FigureScale::City) => "[km/h]".to_owned(),
+            _ => self.unit("m/s"),
         }
     }
 
@@ -32,9 +51,8 @@ impl FigureSet<'_> {
     pub(super) fn columns(&self) -> [&'static str; 2] {
         match self.scale {
             None => ["position_m", "speed_mps"],
-            Some(FigureScale::City | FigureScale::CityMetresPerSecond) => {
-                ["position_city_m", "speed_city_mps"]
-            }
+            Some(FigureScale::City) => ["position_city_m", "speed_city_kmh"],
+            Some(FigureScale::CityMetresPerSecond) => ["position_city_m", "speed_city_mps"],
             Some(FigureScale::Laboratory) => ["position_lab_m", "speed_lab_mps"],
         }
     }

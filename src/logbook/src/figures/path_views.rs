@@ -33,7 +33,7 @@ impl FigureSet<'_> {
             let mut panel = Panel {
                 title: self.panel_title(run),
                 x_label: format!("Position along {path} {}", self.unit("m")),
-                y_label: format!("Speed {}", self.unit("m/s")),
+                y_label: format!("Speed {}", self.speed_unit()),
                 rules: self.rules(run, std::iter::once(stream), false),
                 ..Panel::default()
             };
@@ -157,7 +157,7 @@ impl FigureSet<'_> {
             .map(|(name, stroke)| LegendEntry { name: name.to_owned(), stroke })
             .collect();
         figure.scale =
-            Some(ColourBar { label: format!("Speed {}", self.unit("m/s")), from: 0.0, to: fastest });
+            Some(ColourBar { label: format!("Speed {}", self.speed_unit()), from: 0.0, to: fastest });
         figure.note = format!("Speeds are means over {AVERAGED_S} s. {}", self.origin_note());
         figure
     }

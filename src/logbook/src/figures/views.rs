@@ -183,7 +183,9 @@ impl<'a> FigureSet<'a> {
             let trace = log.vehicle(member.vehicle)?;
             let speeds = moving_average(trace);
             let at = |k: usize| {
-                self.layout.position_m(trace, member, k).map(|m| (k, self.metres(m), self.metres(speeds[k])))
+                self.layout
+                    .position_m(trace, member, k)
+                    .map(|m| (k, self.metres(m), self.speed_of(speeds[k])))
             };
             Some(PathSegment { trace, points: (0..trace.samples.len()).filter_map(at).collect() })
         })

@@ -65,6 +65,8 @@ pub struct Summary {
     pub scenario: String,
     /// Seed of the traffic and the environment.
     pub seed: u64,
+    /// Environment between control framework and vehicles: `ideal`, `testbed`, or `own` for a scenario's own values.
+    pub environment: &'static str,
     /// Version of City3D.
     pub version: &'static str,
     /// Simulated time at the end, seconds.
@@ -223,6 +225,7 @@ impl Summary {
         Self {
             scenario: experiment.name.clone(),
             seed: experiment.seed,
+            environment: experiment.environment_name(),
             version: env!("CARGO_PKG_VERSION"),
             simulated_s,
             stopped_at_tick: None,

@@ -259,6 +259,24 @@ impl Experiment {
         self.arrival(id).is_some_and(|arrival| arrival.vehicle.name == name)
     }
 
+    /// Name of the environment between the control framework and the simulated vehicles: that of its profile, or `own` where
+    /// the scenario disturbs an ideal one by values of its own.
+    pub fn environment_name(&self) -> &'static str {
+        if self.environment == EnvironmentSpec::IDEAL {
+            EnvironmentProfile::Ideal.name()
+        } else if self.environment == self.testbed {
+            // That of the robots is that of the profile, which the scenario may have changed.
+            EnvironmentProfile::Testbed.name()
+        } else {
+            "own"
+        }
+    }
+
+    /// Seed and environment of its runs, in words.
+    pub fn conditions(&self) -> String {
+        format!("seed {}, {} environment", self.seed, self.environment_name())
+    }
+
     /// The vehicle with this id, whether it is there from the beginning or arrives later.
     pub fn planned(&self, id: VehicleId) -> Option<&PlannedVehicle> {
         let planned = self.vehicles.iter().find(|planned| planned.id == id);

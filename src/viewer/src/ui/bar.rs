@@ -24,11 +24,14 @@ pub fn show(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>, actions: &m
             group(ui, "replay", |ui| replayed(ui, state, (shown, replay.name), actions));
         } else {
             group(ui, "run", |ui| {
-                run_controls(ui, shown, actions);
+                let has_just_ended = state.has_just_ended(ui.input(|input| input.time));
+                run_controls(ui, (shown, has_just_ended), actions);
                 if shown.city == CityKind::Local {
                     speed(ui, shown.run_state.speed, actions);
                 }
-                clock(ui, shown);
+                if clock(ui, shown) {
+                    run(&commands::RESULT, ui, state, shown, actions);
+                }
             });
             group(ui, "city", |ui| match &shown.run_state.link {
                 Some(link) => super::link::show(ui, link, shown),
@@ -51,7 +54,7 @@ fn replayed(
     (shown, name): (&ViewModel<'_>, &str),
     actions: &mut Vec<UiAction>,
 ) {
-    let tip = format!("The recorded run of {}; nothing is simulated", shown.scenario);
+    let tip = format!("The recorded run of {}, {}; nothing is simulated", shown.scenario, shown.conditions);
     ui.label(RichText::new(format!("Replay of {name}")).strong()).on_hover_text(tip);
     open_button(ui, state);
     if shown.runs.may_run_again
@@ -124,7 +127,7 @@ const DURATION: f32 = 50.0;
 /// Width of the list of scenarios, so that its neighbours do not move: a longer name is cut, and stands in the tip.
 const SCENARIO: f32 = 122.0;
 
-fn run_controls(ui: &mut Ui, shown: &ViewModel<'_>, actions: &mut Vec<UiAction>) {
+fn run_controls(ui: &mut Ui, (shown, has_just_ended): (&ViewModel<'_>, bool), actions: &mut Vec<UiAction>) {
     if shown.edit.is_some() {
         return edited_run_controls(ui, shown, actions);
     }
@@ -151,7 +154,9 @@ fn run_controls(ui: &mut Ui, shown: &ViewModel<'_>, actions: &mut Vec<UiAction>)
         let duration = theme::decimal(ui.ctx()).plain(shown.duration_s);
         let tip = format!("Continue beyond the {duration} s of the scenario, until paused");
         let tip = keys.tip(&tip, &commands::START_OR_PAUSE);
-        button(ui, "\u{25b6} Continue", !shown.run_state.has_ended, &tip, Order::Start);
+        // It takes the place of Pause.
+        let may = !shown.run_state.has_ended && !has_just_ended;
+        button(ui, "\u{25b6} Continue", may, &tip, Order::Start);
     } else {
         let tip = keys.tip("Start the run", &commands::START_OR_PAUSE);
         button(ui, "\u{25b6} Start", can_run, &tip, Order::Start);
@@ -243,7 +248,8 @@ pub fn other_speed(present: Speed, faster: bool) -> Speed {
     }
 }
 
-fn clock(ui: &mut Ui, shown: &ViewModel<'_>) {
+/// Shows time and phase; returns whether the result of the finished run is asked for.
+fn clock(ui: &mut Ui, shown: &ViewModel<'_>) -> bool {
     let run_state = shown.run_state;
     // The bar belongs to the run, also while its past is shown.
     let is_past = shown.past.is_shown;
@@ -280,7 +286,18 @@ fn clock(ui: &mut Ui, shown: &ViewModel<'_>) {
     if matches!(run_state.phase, RunPhase::Over | RunPhase::Failed(_)) {
         text = text.strong().color(ui.visuals().warn_fg_color);
     }
-    cell(ui, PACE, |ui| _ = ui.add(egui::Label::new(text).extend()).on_hover_text(tip));
+    let mut label = egui::Label::new(text).extend().selectable(false);
+    let has_result = run_state.phase == RunPhase::Over && shown.city == CityKind::Local;
+    let tip = match has_result {
+        true => {
+            label = label.sense(egui::Sense::click());
+            format!("{tip}. Click to see the result")
+        }
+        false => tip.to_owned(),
+    };
+    let mut is_asked = false;
+    cell(ui, PACE, |ui| is_asked = ui.add(label).on_hover_text(tip).clicked());
+    is_asked && has_result
 }
 
 /// With as many digits as can be read while it changes.
@@ -315,7 +332,10 @@ fn scenario(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>, actions: &m
     let present = shown.scenarios.iter().find(|choice| choice.name == shown.scenario);
     let about = present.map(|choice| choice.description.as_str()).filter(|about| !about.is_empty());
     let tip = about.map_or_else(String::new, |about| format!("{about}.\n"));
-    let tip = format!("{tip}The scenario {}; another one starts from its beginning", shown.scenario);
+    let tip = format!(
+        "{tip}The scenario {}, {}; another one starts from its beginning",
+        shown.scenario, shown.conditions
+    );
     cell(ui, SCENARIO, |ui| _ = picker.show_ui(ui, choices).response.on_hover_text(tip));
 }
 
@@ -348,10 +368,18 @@ fn panels(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>, actions: &mut
         if shown.replay.is_none() {
             entries.push(&commands::CONTROLLERS);
             entries.push(&commands::EDIT);
+            entries.push(&commands::RESULT);
         }
         entries.push(&commands::SETTINGS);
         for command in entries {
-            if ui.add(Button::new(command.name).shortcut_text(command.key(ui.ctx()))).clicked() {
+            let button = Button::new(command.name).shortcut_text(command.key(ui.ctx()));
+            let availability = command.availability(state, shown);
+            let button = ui.add_enabled(availability == commands::Availability::Now, button);
+            let button = match availability {
+                commands::Availability::After(hint) => button.on_disabled_hover_text(hint.words(&state.keys)),
+                _ => button,
+            };
+            if button.clicked() {
                 chosen = Some(command);
             }
         }
@@ -359,10 +387,21 @@ fn panels(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>, actions: &mut
     menu.response.on_hover_text("Show and hide panels");
     ui.toggle_value(&mut state.open.help, "Help").on_hover_text(commands::HELP.tip(ui.ctx(), "All keys"));
     if let Some(command) = chosen {
-        let now_s = ui.input(|input| input.time);
-        let mut timeline = TimelineView::of(shown);
-        command.run(&mut commands::CommandContext { state, shown, actions, timeline: &mut timeline, now_s });
+        run(command, ui, state, shown, actions);
     }
+}
+
+/// Runs an action that a control of the bar stands for.
+fn run(
+    command: &commands::Command,
+    ui: &Ui,
+    state: &mut UiState,
+    shown: &ViewModel<'_>,
+    actions: &mut Vec<UiAction>,
+) {
+    let now_s = ui.input(|input| input.time);
+    let mut timeline = TimelineView::of(shown);
+    command.run(&mut commands::CommandContext { state, shown, actions, timeline: &mut timeline, now_s });
 }
 
 fn camera_tip(mode: CameraMode) -> &'static str {
@@ -378,6 +417,7 @@ fn camera_tip(mode: CameraMode) -> &'static str {
 }
 
 /// Widths of the lists of qualities and of times of day: for the longest of their words.
+const MENU_HEIGHT: f32 = 420.0;
 const QUALITY: f32 = 70.0;
 const TIME: f32 = 76.0;
 
@@ -394,22 +434,27 @@ fn look(ui: &mut Ui, state: &mut UiState, actions: &mut Vec<UiAction>) {
         })
         .response
         .on_hover_text("Quality of the pictures: low for machines without a GPU");
-    ComboBox::from_id_salt("time")
-        .selected_text(state.look.light())
+    // One row at the width of 1280 points: a long text is small, cut where need be, and stands in the tip.
+    let words = RichText::new(state.look.weather_first());
+    let words = if state.look.weather == Weather::Clear { words } else { words.small() };
+    let tip = format!("Time of day and weather: {}", state.look.light());
+    let list = ComboBox::from_id_salt("time")
+        .selected_text(words)
         .width(TIME)
         .truncate()
-        .show_ui(ui, |ui| {
-            for (hours, label) in TIMES {
-                ui.selectable_value(&mut state.look.hours, hours, label);
-            }
-            any_time(ui, state);
-            ui.separator();
-            for weather in Weather::ALL {
-                ui.selectable_value(&mut state.look.weather, weather, weather.name());
-            }
-        })
-        .response
-        .on_hover_text("Time of day and weather");
+        // All of it at once: a list that ends with the slider hides the weather.
+        .height(MENU_HEIGHT);
+    let choices = |ui: &mut Ui| {
+        for (hours, label) in TIMES {
+            ui.selectable_value(&mut state.look.hours, hours, label);
+        }
+        any_time(ui, state);
+        ui.separator();
+        for weather in Weather::ALL {
+            ui.selectable_value(&mut state.look.weather, weather, weather.name());
+        }
+    };
+    cell(ui, TIME, |ui| _ = list.show_ui(ui, choices).response.on_hover_text(tip));
     if state.look != before {
         actions.push(UiAction::Look(state.look));
     }
@@ -451,6 +496,12 @@ impl Look {
     /// Takes over time of day and weather of another look.
     pub fn show_light_of(&mut self, other: Self) {
         (self.hours, self.weather) = (other.hours, other.weather);
+    }
+
+    /// The weather unless it is clear, and the time of day: of what has no room the former says more.
+    fn weather_first(&self) -> String {
+        let time = time_label(self.hours);
+        if self.weather == Weather::Clear { time } else { format!("{}, {time}", self.weather.name()) }
     }
 
     /// Time of day, and the weather unless it is clear.

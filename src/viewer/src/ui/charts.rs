@@ -10,7 +10,7 @@ use city3d_protocol::snapshot::VehicleId;
 use city3d_session::playback::PlaybackCommand;
 use city3d_simulation::scenario::counted;
 use egui::{Color32, ComboBox, RichText, Ui};
-use egui_plot::{GridMark, HLine, HoverPosition, Line, LineStyle, Plot, PlotPoints, VLine};
+use egui_plot::{GridMark, HLine, HoverPosition, Line, LineStyle, Plot, PlotPoint, PlotPoints, Text, VLine};
 
 /// What a chart shows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -264,10 +264,19 @@ fn merge_words(merge: &MergeChoice) -> String {
     format!("{} ({})", merge.lane, counted(merge.vehicles, "vehicle"))
 }
 
-/// The vehicles that stay in the chart, each with a way out of it, and a way in for the selected one.
+/// The vehicles that stay in the chart, each with a way out of it, and a way in for the selected one. That is first and
+/// always there: a second click on it must not meet the way out.
 fn vehicles(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>) {
     let name = |id: VehicleId| named(shown.names, id);
     ui.horizontal_wrapped(|ui| {
+        let selected = state.selection.vehicle.filter(|id| !state.charts.vehicles.contains(id));
+        let keep = ui.add_enabled(selected.is_some(), egui::Button::new("+ Keep").small());
+        let keep = match selected {
+            Some(id) => {
+                keep.on_hover_text(format!("Keep {} in the chart when another one is selected", name(id)))
+            }
+            None => keep.on_disabled_hover_text("Select a vehicle that is not kept yet"),
+        };
         let mut removed = None;
         for id in &state.charts.vehicles {
             let text = format!("{} \u{d7}", name(*id));
@@ -276,15 +285,11 @@ fn vehicles(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>) {
             }
         }
         state.charts.vehicles.retain(|id| Some(*id) != removed);
-        let selected = state.selection.vehicle.filter(|id| !state.charts.vehicles.contains(id));
+        if keep.clicked() {
+            state.charts.vehicles.extend(selected);
+        }
         match selected {
-            Some(id) => {
-                let text = format!("+ Keep {}", name(id));
-                let tip = "Keep the selected vehicle in the chart when another one is selected";
-                if ui.small_button(text).on_hover_text(tip).clicked() {
-                    state.charts.vehicles.push(id);
-                }
-            }
+            Some(id) => _ = ui.label(RichText::new(format!("selected: {}", name(id))).weak()),
             None if state.charts.vehicles.is_empty() && state.charts.kind.is_of_paths() => {
                 ui.weak("All vehicles on the paths; select one to keep it alone.");
             }
@@ -366,7 +371,7 @@ fn plot(ui: &mut Ui, (index, panel): (usize, &Panel), height: f32, at_s: Option<
         .allow_drag(false)
         .allow_zoom(false)
         .allow_boxed_zoom(false);
-    let grey = Color32::from_gray(130);
+    let (grey, text) = (Color32::from_gray(130), ui.visuals().text_color());
     let shown = plot.show(ui, |plot| {
         plot.set_plot_bounds(egui_plot::PlotBounds::from_min_max(
             [panel.x.0, panel.y.0],
@@ -378,6 +383,19 @@ fn plot(ui: &mut Ui, (index, panel): (usize, &Panel), height: f32, at_s: Option<
                 plot.hline(HLine::new(rule.name.clone(), rule.at).color(grey).style(style));
             } else {
                 plot.vline(VLine::new(rule.name.clone(), rule.at).color(grey).style(style));
+            }
+            let (at, anchor) = match rule.is_level {
+                true => (PlotPoint::new(panel.x.0, rule.at), egui::Align2::LEFT_BOTTOM),
+                false if rule.is_before => (PlotPoint::new(rule.at, panel.y.1), egui::Align2::RIGHT_TOP),
+                false => (PlotPoint::new(rule.at, panel.y.1), egui::Align2::LEFT_TOP),
+            };
+            let is_inside = match rule.is_level {
+                true => (panel.y.0..=panel.y.1).contains(&rule.at),
+                false => (panel.x.0..=panel.x.1).contains(&rule.at),
+            };
+            if is_inside && !rule.name.is_empty() {
+                let words = RichText::new(&rule.name).size(10.0);
+                plot.text(Text::new("", at, words).anchor(anchor).color(text));
             }
         }
         for line in &panel.lines {

@@ -41,6 +41,10 @@ pub fn show(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>, actions: &m
     let extent = extent(rect, ui.ctx().pixels_per_point(), shown.most_moving_pixels.filter(|_| moves));
     state.viewpoint.begin(shown.interpolated, shown.map, shown.control_zones);
     state.viewpoint.show_whole(shown.interpolated, extent, shown.walls);
+    let dt_s = f64::from(ui.input(|input| input.stable_dt.min(0.1)));
+    if state.viewpoint.keep_in_sight(shown.interpolated, shown.walls, dt_s) {
+        ui.ctx().request_repaint();
+    }
     let view = state.viewpoint.view(shown.interpolated, extent);
     state.pictures.push(PictureRequest { slot: PictureSlot::City, view, kind: PictureKind::Rgb });
     super::paint_picture(ui, rect, shown, PictureSlot::City);
@@ -54,20 +58,26 @@ pub fn show(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>, actions: &m
     state.tints = state.layers.colour.tints(ui.ctx(), shown);
     layers::paint(&canvas, state, shown);
     state.measure.paint(&canvas);
-    editing::paint(&canvas, state, shown, pointed.and_then(|at| canvas.ground_at(at)));
+    let instruction = editing::paint(&canvas, state, shown, pointed.and_then(|at| canvas.ground_at(at)));
     rulers::paint(&canvas, state, shown, pointed);
     legend::paint(ui, rect, state, shown);
     if state.layers.map {
         map::show(ui, rect, state, shown);
     }
     followed(ui, rect, state, shown);
-    dashboard(ui, rect, state, shown);
+    let dashboard = dashboard(ui, rect, state, shown);
     loading(ui, rect, shown);
     let free = if state.layers.map { map::beside(rect) } else { rect };
     // Below the name of the followed vehicle.
     let below = if state.viewpoint.follow.is_some() { 34.0 } else { 0.0 };
-    notice(ui, free.with_min_y(free.top() + below), state);
+    // Above what one reads meanwhile: speed and pedals, or what the next click does.
+    let over = [dashboard, instruction].into_iter().flatten().map(|rect| rect.top());
+    let bottom = over.fold(free.bottom() - PAST_SIGN, f32::min);
+    notice(ui, free.with_min_y(free.top() + below).with_max_y(bottom), state);
 }
+
+/// Height of the sign of the past at the lower edge, points.
+const PAST_SIGN: f32 = 50.0;
 
 /// Selects, follows, measures, and opens the menu.
 fn act_on_clicks(
@@ -154,10 +164,10 @@ fn distance_to_segment(point: Pos2, from: Pos2, to: Pos2) -> f32 {
     point.distance(from + along * share.clamp(0.0, 1.0))
 }
 
-/// Speed and pedals of the vehicle that the user drives.
-fn dashboard(ui: &Ui, rect: Rect, state: &UiState, shown: &ViewModel<'_>) {
-    let Some(driving) = &state.driving else { return };
-    let Some(vehicle) = shown.run_state.now.vehicle(driving.vehicle) else { return };
+/// Speed and pedals of the vehicle that the user drives; returns where they are.
+fn dashboard(ui: &Ui, rect: Rect, state: &UiState, shown: &ViewModel<'_>) -> Option<Rect> {
+    let driving = state.driving.as_ref()?;
+    let vehicle = shown.run_state.now.vehicle(driving.vehicle)?;
     let pedals = driving.driver().pedals();
     let gear = match (pedals.reverse, driving.driver().is_shifting()) {
         (_, true) => "stop before you change gear",
@@ -172,7 +182,7 @@ fn dashboard(ui: &Ui, rect: Rect, state: &UiState, shown: &ViewModel<'_>) {
     };
     let (units, scale) = (state.preferences.units, shown.scale());
     let speed = units.dashboard(vehicle.speed_mps.abs(), scale, state.preferences.decimal);
-    egui::Area::new(ui.scope_id().with("dashboard"))
+    let area = egui::Area::new(ui.scope_id().with("dashboard"))
         .fixed_pos(rect.center_bottom() + egui::vec2(0.0, -10.0))
         .pivot(Align2::CENTER_BOTTOM)
         .show(ui.ctx(), |ui| {
@@ -193,6 +203,7 @@ fn dashboard(ui: &Ui, rect: Rect, state: &UiState, shown: &ViewModel<'_>) {
                 });
             });
         });
+    Some(area.response.rect)
 }
 
 /// The keys of a driver, in the lines of the dashboard.
@@ -297,9 +308,9 @@ fn notice(ui: &Ui, rect: Rect, state: &mut UiState) {
         let painter = ui.ctx().layer_painter(layer).with_clip_rect(rect);
         let galley =
             painter.layout(text.clone(), FontId::proportional(14.0), Color32::WHITE, rect.width() - 40.0);
-        // Above the sign of the past: titles and buttons of windows are at the top.
+        // At the bottom: titles and buttons of windows are at the top.
         let place =
-            Align2::CENTER_BOTTOM.anchor_size(rect.center_bottom() - egui::vec2(0.0, 62.0), galley.size());
+            Align2::CENTER_BOTTOM.anchor_size(rect.center_bottom() - egui::vec2(0.0, 12.0), galley.size());
         painter.rect_filled(place.expand(8.0), 5.0, theme::ON_PICTURE);
         painter.galley(place.min, galley, Color32::WHITE);
         let left = (until_s - now_s).max(0.0);

@@ -1,7 +1,7 @@
 //! Events of a run, recorded or live: filter, list, and the line below a live city.
 
 use super::commands::{GRAVE_EVENT, KeyMap};
-use super::timeline::TimelineView;
+use super::timeline::{self, TimelineView};
 use super::{DecimalSeparator, UiAction, UiState, VehicleNames, ViewModel, commands, theme};
 use city3d_protocol::snapshot::{Status, VehicleId, VehicleInfo};
 use city3d_session::playback::{MarkKind, PlaybackCommand, TimelineMark};
@@ -148,7 +148,8 @@ pub(super) fn live(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>, acti
         if width_of(ui, &text) > ui.available_size_before_wrap().x {
             return;
         }
-        let button = ui.button(text);
+        let refusal = timeline::refusal(state);
+        let button = ui.add_enabled(refusal.is_none(), Button::new(text));
         let tip =
             format!("Show the last one: {}", event_words(shown.names, &last, state.preferences.decimal));
         let tip = if state.events.last_grave(shown.events) == Some(&last) {
@@ -156,11 +157,15 @@ pub(super) fn live(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>, acti
         } else {
             tip
         };
-        if button.on_hover_text(tip).clicked() {
+        let button = button.on_hover_text(tip).on_disabled_hover_text(refusal.unwrap_or_default());
+        if button.clicked() {
             go_to(&last, state, actions);
         }
     }
-    let last = state.events.of(shown.events).next_back().cloned();
+    // Who looks at the past sees what had happened until then.
+    let view = TimelineView::of(shown);
+    let until_s = if view.is_played() { view.head.at_s } else { f64::INFINITY };
+    let last = state.events.of(shown.events).rfind(|mark| mark.time_s <= until_s + 1e-6).cloned();
     if let Some(last) = last.filter(|_| ui.available_size_before_wrap().x > LEAST_WORDS) {
         let words = event_words(shown.names, &last, state.preferences.decimal);
         let text = RichText::new(&words).small();

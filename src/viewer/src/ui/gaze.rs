@@ -68,6 +68,14 @@ impl Gaze {
         self.zoom = (self.zoom * STEP.powf(steps)).clamp(ONBOARD_ZOOM[0], ONBOARD_ZOOM[1]);
     }
 
+    /// The same for a chase camera that is higher by an angle.
+    pub fn raised(self, by_rad: f64) -> Self {
+        let usual_rad = CHASE_M[1].atan2(CHASE_M[0]);
+        let elevation_rad =
+            (usual_rad - self.pitch_rad + by_rad).min(CHASE_RAD[1].max(usual_rad - self.pitch_rad));
+        Self { pitch_rad: usual_rad - elevation_rad, ..self }
+    }
+
     /// A chase camera around a vehicle of some height.
     pub fn chase(self, vehicle: &VehicleState, height_m: f64) -> Extrinsics {
         let heading = (vehicle.orientation * DVec3::X).with_z(0.0).normalize_or(DVec3::X);

@@ -65,9 +65,9 @@ pub use panels::Panel;
 pub use preview::{KEPT_S, Preview, PreviewCamera, ScenarioCamera};
 pub use run_until::RunUntilState;
 pub use settings::SettingsPage;
-pub use status::is_off_lanes;
-pub(crate) use theme::difference as colour_difference;
+pub use status::{gives_way, is_off_lanes};
 pub use theme::{DecimalSeparator, Preferences, SpeedUnit, StatusColours, Theme, ground};
+pub(crate) use theme::{difference as colour_difference, legible_line};
 pub use timeline::{ShownTime, TimelineRange, TimelineView};
 pub use tracks::{TrackPoint, Tracks};
 pub use vehicle_menu::{MenuSubject, VehicleMenu};
@@ -84,8 +84,8 @@ use crate::cockpit::Devices;
 use city3d_protocol::snapshot::{FrameSnapshot, VehicleId};
 use city3d_render::Overlay;
 use city3d_sensors::Weather;
-use city3d_session::Order;
 use city3d_session::playback::PlaybackCommand;
+use city3d_session::{Order, RunPhase};
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
@@ -268,6 +268,8 @@ pub struct UiState {
     pub help_words: String,
     /// A widget had the keyboard focus in the last frame.
     had_focus: bool,
+    /// The run that has come to its end, and when, seconds of egui's clock.
+    ended: Option<(u32, f64)>,
     /// Manual control of the vehicle that the user drives.
     pub driving: Option<ManualDrive>,
     /// Filter of the events.
@@ -331,6 +333,7 @@ impl UiState {
             palette: Palette::default(),
             help_words: String::new(),
             had_focus: false,
+            ended: None,
             driving: None,
             events: EventFilter::default(),
             section: TimelineRange::default(),
@@ -387,11 +390,6 @@ impl UiState {
         self.layers.plans || self.open.traffic || self.open.inspector || !self.previews.is_empty()
     }
 
-    /// Whether something on display needs the decisions of the control framework.
-    pub fn shows_decisions(&self) -> bool {
-        self.open.inspector || self.layers.measured
-    }
-
     /// The vehicle that the user drives.
     pub fn driven(&self) -> Option<VehicleId> {
         self.driving.as_ref().map(|driving| driving.vehicle)
@@ -433,6 +431,23 @@ impl UiState {
         self.notice = Some((text.into(), now_s + 6.0));
     }
 
+    /// Notes when a run comes to its end.
+    fn note_end(&mut self, ui: &egui::Ui, shown: &ViewModel<'_>) {
+        let now_s = ui.input(|input| input.time);
+        let run = (shown.run_state.phase == RunPhase::Over).then_some(shown.run_state.run);
+        if run != self.ended.map(|(run, _)| run) {
+            self.ended = run.map(|run| (run, now_s));
+        }
+        if self.has_just_ended(now_s) {
+            ui.ctx().request_repaint_after(std::time::Duration::from_secs_f64(PAUSES_LATE_S));
+        }
+    }
+
+    /// Whether the run has come to its end a moment ago: who means to pause it then must not continue it.
+    pub(crate) fn has_just_ended(&self, now_s: f64) -> bool {
+        self.ended.is_some_and(|(_, at_s)| (0.0..PAUSES_LATE_S).contains(&(now_s - at_s)))
+    }
+
     /// Opens a preview where none was chosen: of the vehicle that the user drives or has selected, else of the first one.
     fn open_first_preview(&mut self, seen: &FrameSnapshot) {
         let first = self.driven().or(self.selection.vehicle).or(seen.vehicles.first().map(|v| v.id));
@@ -466,6 +481,9 @@ impl UiState {
     }
 }
 
+/// For so long after its end a run cannot be continued, seconds.
+const PAUSES_LATE_S: f64 = 0.7;
+
 /// Lays out all panels for one frame. Afterwards `state.pictures` holds the pictures that they need.
 pub fn show(ui: &mut egui::Ui, state: &mut UiState, shown: &ViewModel<'_>) -> Vec<UiAction> {
     let mut actions = Vec::new();
@@ -473,6 +491,7 @@ pub fn show(ui: &mut egui::Ui, state: &mut UiState, shown: &ViewModel<'_>) -> Ve
     commands::key_map::apply(ui.ctx(), &state.keys);
     state.pictures.clear();
     state.update(shown);
+    state.note_end(ui, shown);
     state.open_first_preview(&shown.run_state.now);
     if !state.open.events {
         // A closed list must not hide events.

@@ -3,7 +3,7 @@
 use super::control_zones::zone_colour;
 use super::layers::Canvas;
 use super::overlay::{self, body_colour};
-use super::{DecimalSeparator, UiState, ViewModel, theme};
+use super::{DecimalSeparator, UiState, ViewModel, theme, traffic};
 use city3d_geometry::City;
 use city3d_protocol::snapshot::{CoordinationState, NoPlan, PlannedPassage, VehicleId, ZoneVehicle};
 use city3d_render::Overlay;
@@ -233,7 +233,7 @@ pub(super) fn queue(ui: &mut Ui, shown: &ViewModel<'_>) {
     };
     let numbers: Vec<_> = zones.iter().map(of_zone).collect();
     // A column for each zone: there are few, and the panel is narrow.
-    Grid::new("queue").striped(true).spacing([14.0, 3.0]).show(ui, |ui| {
+    Grid::new("queue").striped(true).spacing([traffic::BETWEEN_COLUMNS, 3.0]).show(ui, |ui| {
         ui.label("");
         for zone in &zones {
             ui.label(RichText::new(zone.name).color(theme::on_ground(ui.ctx(), zone.colour())));

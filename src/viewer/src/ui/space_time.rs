@@ -3,6 +3,7 @@
 use super::events::named;
 use super::{ChartKind, UiState, ViewModel, overlay, theme};
 use city3d_control::Route;
+use city3d_logbook::figures::FigureScale;
 use city3d_protocol::snapshot::VehicleId;
 use city3d_roadmap::{LaneId, ZoneKind};
 use city3d_session::{DIAGRAM_S, LanePlace};
@@ -17,6 +18,10 @@ const AHEAD_M: f64 = 60.0;
 const NAMES_S: f64 = 17.0;
 /// Names less than this apart would touch, as a share of the height of the diagram.
 const NAMES_APART: f64 = 0.06;
+/// Names of the axes.
+const TIME_AXIS: &str = "Time before now [s]";
+const CITY_AXIS: &str = "Position from its front [m, full scale]";
+const LAB_AXIS: &str = "Position from its front [m, laboratory]";
 /// Opacity of the bands.
 const BAND: f32 = 0.3;
 
@@ -54,7 +59,7 @@ pub(super) fn show(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>) {
     });
     let bands = bands(route, &diagram);
     keys(ui, &bands);
-    plot(ui).show(ui, |plot| diagram.draw(plot, &bands));
+    plot(ui, state.preferences.units.figure_scale(), factor).show(ui, |plot| diagram.draw(plot, &bands));
 }
 
 /// A stretch of the route that is in a conflict zone, metres ahead.
@@ -104,19 +109,27 @@ fn keys(ui: &mut Ui, bands: &[Band]) {
             ui.painter().rect_filled(rect, 1.0, band.colour().gamma_multiply(BAND));
             ui.label(RichText::new(band.words()).small());
         }
-        ui.label(RichText::new("m over s; thick: its own line").small().weak());
+        ui.label(RichText::new("thick: its own line").small().weak());
     });
 }
 
-/// The axes.
-fn plot(ui: &Ui) -> Plot<'static> {
+/// The axes, named as those of the figures of `city3d plot` and in the metres of the settings; `factor` is that of the scale.
+fn plot(ui: &Ui, scale: FigureScale, factor: f64) -> Plot<'static> {
+    let small = |text: &str| RichText::new(text).size(10.0);
     let time =
         theme::small_axis(ui, AxisHints::new_x()).min_thickness(11.0).formatter(|mark, _| match mark.value {
             ahead if ahead > 0.5 => String::new(),
-            ago if ago > -0.5 => "0 s".to_owned(),
+            ago if ago > -0.5 => "now".to_owned(),
             ago => format!("{ago:.0}"),
         });
-    let value = theme::value_axis(ui);
+    let time = time.label(small(TIME_AXIS));
+    let (label, per_city_m) = match scale {
+        FigureScale::City | FigureScale::CityMetresPerSecond => (CITY_AXIS, 1.0),
+        FigureScale::Laboratory => (LAB_AXIS, 1.0 / factor),
+    };
+    let decimal = theme::decimal(ui.ctx());
+    let value = theme::value_axis(ui).formatter(move |mark, _| decimal.plain(mark.value * per_city_m));
+    let value = value.label(small(label));
     // The list scrolls, so that its own room has no end.
     let height = (ui.clip_rect().bottom() - ui.cursor().top()).clamp(160.0, 400.0);
     Plot::new("space-time")

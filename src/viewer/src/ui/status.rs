@@ -3,7 +3,7 @@
 use super::commands::{KeyMap, TAKE_CONTROL};
 use super::theme;
 use city3d_geometry::wrap_angle;
-use city3d_protocol::snapshot::{Status, VehicleInfo, VehicleState};
+use city3d_protocol::snapshot::{DecisionReason, Status, VehicleInfo, VehicleState};
 use city3d_roadmap::CityMap;
 use egui::{Color32, Painter, Pos2, Rect, Shape, Stroke, Vec2, pos2};
 
@@ -99,6 +99,28 @@ pub fn is_off_lanes(vehicle: &VehicleState, info: &VehicleInfo, map: &CityMap) -
         let turn = wrap_angle(pose.yaw_rad - lane.curve.at(foot.s).pose.yaw_rad);
         foot.distance > OFF_LANES_M || turn.abs() > OFF_LANES_RAD
     })
+}
+
+/// Whether a vehicle that is limited so gives way to others.
+pub fn gives_way(reason: DecisionReason) -> bool {
+    match reason {
+        DecisionReason::StopLine
+        | DecisionReason::YieldLine
+        | DecisionReason::Junction
+        | DecisionReason::NoRoom
+        | DecisionReason::Crossing
+        | DecisionReason::Merging => true,
+        DecisionReason::FreeRoad
+        | DecisionReason::RoadSpeed
+        | DecisionReason::Leader
+        | DecisionReason::Platoon
+        | DecisionReason::RouteEnd
+        | DecisionReason::Signal
+        | DecisionReason::Plan
+        | DecisionReason::SafetyFilter
+        | DecisionReason::NotMeasured
+        | DecisionReason::OffRoute => false,
+    }
 }
 
 /// Explanation of a vehicle's status, with the reason where it is known.

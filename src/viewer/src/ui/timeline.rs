@@ -184,7 +184,7 @@ pub(super) fn show(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>, acti
         ui.spacing_mut().item_spacing.x = 5.0;
         // One row for a run that goes on: what it needs least gives way.
         let is_narrow = replay.shown != ShownTime::Recorded && ui.available_width() < NARROW;
-        transport(ui, replay, is_narrow, actions);
+        transport(ui, replay, (is_narrow, refusal(state)), actions);
         if is_narrow {
             events::list_button(ui, state, shown);
         } else {
@@ -238,7 +238,17 @@ pub(super) fn past_sign(ui: &Ui, rect: Rect, shown: &ViewModel<'_>, actions: &mu
         });
 }
 
-fn transport(ui: &mut Ui, replay: &TimelineView<'_>, is_narrow: bool, actions: &mut Vec<UiAction>) {
+/// Why nobody can look at the past now.
+pub(super) fn refusal(state: &UiState) -> Option<String> {
+    state.driving.is_some().then(|| commands::DRIVES.words(&state.keys))
+}
+
+fn transport(
+    ui: &mut Ui,
+    replay: &TimelineView<'_>,
+    (is_narrow, refusal): (bool, Option<String>),
+    actions: &mut Vec<UiAction>,
+) {
     let head = &replay.head;
     let keys = commands::key_map::of(ui.ctx());
     let is_played = replay.is_played();
@@ -251,8 +261,10 @@ fn transport(ui: &mut Ui, replay: &TimelineView<'_>, is_narrow: bool, actions: &
         }
         // Beyond the present there is nothing to play.
         let leads_on = matches!(command, PlaybackCommand::Play | PlaybackCommand::Step { forward: true });
-        let button = ui.add_enabled(is_played || !leads_on, button).on_hover_text(tip);
-        if button.on_disabled_hover_text("This is the present of the run").clicked() {
+        let may = refusal.is_none() && (is_played || !leads_on);
+        let button = ui.add_enabled(may, button).on_hover_text(tip);
+        let why_not = refusal.as_deref().unwrap_or("This is the present of the run");
+        if button.on_disabled_hover_text(why_not).clicked() {
             actions.push(UiAction::PlaybackCommand(command));
         }
     };
@@ -294,8 +306,10 @@ fn event_buttons(
     ];
     for (forward, text, tip) in [(false, "\u{23f4} Event", previous), (true, "Event \u{23f5}", next)] {
         let mark = neighbour(replay, state, forward).cloned();
-        let button = ui.add_enabled(mark.is_some(), Button::new(text));
-        let button = button.on_hover_text(tip).on_disabled_hover_text("There is no such event");
+        let refusal = refusal(state);
+        let button = ui.add_enabled(mark.is_some() && refusal.is_none(), Button::new(text));
+        let why_not = refusal.as_deref().unwrap_or("There is no such event");
+        let button = button.on_hover_text(tip).on_disabled_hover_text(why_not);
         if let (true, Some(mark)) = (button.clicked(), mark) {
             go_to(&mark, state, actions);
         }

@@ -72,10 +72,10 @@ struct FlowRow<'r> {
 
 impl FlowRow<'_> {
     /// Its numbers, in the order of [`COLUMNS`].
-    fn cells(&self, decimal: DecimalSeparator) -> [String; 7] {
+    fn cells(&self, decimal: DecimalSeparator) -> [String; 9] {
         let (totals, queue) = (&self.totals, self.queue);
         let seconds = |value: Option<f64>| value.map_or_else(|| "-".to_owned(), |s| decimal.fixed(s, 1));
-        let flow = totals.throughput_per_h.map_or_else(|| "-".to_owned(), |flow| format!("{flow:.0}"));
+        let flow = totals.throughput_per_h.map_or_else(|| NO_FLOW.to_owned(), |flow| format!("{flow:.0}"));
         [
             self.inside.to_string(),
             self.passed.clone(),
@@ -83,7 +83,9 @@ impl FlowRow<'_> {
             seconds(totals.mean_delay_s),
             seconds(totals.max_delay_s),
             totals.stops.to_string(),
-            format!("{} ({}, {})", queue.now, decimal.fixed(queue.mean(), 1), queue.max),
+            queue.now.to_string(),
+            decimal.fixed(queue.mean(), 1),
+            queue.max.to_string(),
         ]
     }
 }
@@ -119,7 +121,7 @@ fn flow(ui: &mut Ui, traffic: &LiveTraffic) {
     let title = |ui: &mut Ui, (title, tip): (&str, &str)| {
         ui.label(RichText::new(title).small().strong()).on_hover_text(tip);
     };
-    Grid::new("flow").striped(true).spacing([8.0, 3.0]).show(ui, |ui| {
+    Grid::new("flow").striped(true).spacing([BETWEEN_COLUMNS, 3.0]).show(ui, |ui| {
         if is_narrow(ui) {
             ui.label("");
             rows.iter().for_each(|row| name(ui, row));
@@ -143,22 +145,31 @@ fn flow(ui: &mut Ui, traffic: &LiveTraffic) {
 
 /// Whether the tables have no room beside one another: then each measure has a line of its own.
 fn is_narrow(ui: &Ui) -> bool {
-    const WIDE: f32 = 430.0;
+    const WIDE: f32 = 600.0;
     // The panel scrolls, so that its own room has no end.
     ui.clip_rect().width() < WIDE
 }
 
-const COLUMNS: [(&str, &str); 8] = [
+const COLUMNS: [(&str, &str); 10] = [
     ("", ""),
     ("Inside", "Vehicles on their way"),
     ("Passed", "Vehicles that have arrived, or left the control zone behind its last conflict"),
-    ("Flow (/h)", "Exits after the first one over the time since it, vehicles an hour"),
+    (
+        "Flow (/h)",
+        "Exits after the first one over the time since it, vehicles an hour; none of fewer than two after the warm-up",
+    ),
     ("Delay (s)", "Mean time lost against driving alone, with the time held outside"),
     ("Most (s)", "Largest delay"),
     ("Stops", "How often vehicles stopped: below 0.5 m/s"),
-    ("Queue", "Vehicles that are stopped now (mean over time, most at a time)"),
+    ("Queue now", "Vehicles that are stopped now"),
+    ("Queue, mean", "Vehicles that are stopped, mean over time"),
+    ("Queue, most", "The most vehicles that were stopped at a time"),
 ];
 
+/// Between columns of numbers, points: closer ones read as one number.
+pub(super) const BETWEEN_COLUMNS: f32 = 16.0;
+/// In place of a flow.
+const NO_FLOW: &str = "none yet";
 /// Longer times to collision are not told, seconds.
 const MOST_TTC_S: f64 = 100.0;
 
@@ -194,11 +205,15 @@ fn safety_and_energy(ui: &mut Ui, traffic: &LiveTraffic) {
              where both were inside",
         ),
         ("Braking needed", text(drac, "m/s2"), "Deceleration that avoids a crash with the vehicle ahead"),
-        ("Fuel", of(effort.fuel_ml, "mL"), "Polynomial of Kamal et al., no fuel while braking"),
         (
-            "Fuel, cruise term",
+            "Fuel, none while braking",
+            of(effort.fuel_ml, "mL"),
+            "All vehicles together, by the polynomial of Kamal et al.: who brakes burns nothing",
+        ),
+        (
+            "Fuel, also while braking",
             of(effort.fuel_with_cruise_ml, "mL"),
-            "The same, keeping the term of the speed while braking",
+            "The same, but who brakes burns what the speed alone needs (the cruise term)",
         ),
         (
             "Squared acceleration",

@@ -47,6 +47,8 @@ pub struct ViewModel<'a> {
     pub steering_geometry: &'a BTreeMap<VehicleId, SteeringGeometry>,
     /// The scenario as it was requested: a shipped name or a file. In a replay, the path of the log.
     pub scenario: &'a str,
+    /// Seed and environment of the run, in words.
+    pub conditions: &'a str,
     /// Duration that the scenario sets, simulated seconds; a run may go on beyond it.
     pub duration_s: f64,
     /// Scenarios to choose from.

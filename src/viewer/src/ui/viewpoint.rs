@@ -5,6 +5,7 @@
 mod bookmark;
 mod first_view;
 mod flight;
+mod raise;
 #[cfg(test)]
 mod tests;
 
@@ -18,6 +19,7 @@ use city3d_scene::Wall;
 use city3d_sensors::{Camera, Extrinsics, Lens, Mount, View};
 use first_view::FirstView;
 use glam::{DMat3, DQuat, DVec2, DVec3};
+use raise::Raise;
 use serde::{Deserialize, Serialize};
 use std::f64::consts::{FRAC_PI_2, TAU};
 
@@ -78,6 +80,9 @@ pub struct Viewpoint {
     pitch_rad: f64,
     /// Chase and onboard cameras, relative to their usual view.
     gaze: Gaze,
+    /// The orbit and the chase camera are so much higher than the user has put them, so that nothing hides the vehicle that
+    /// they follow.
+    raise: Raise,
     /// What the camera eases to.
     goal: Option<Goal>,
     /// The camera path that is being flown.
@@ -145,6 +150,7 @@ impl Viewpoint {
             yaw_rad: 1.2,
             pitch_rad: -0.5,
             gaze: Gaze::default(),
+            raise: Raise::default(),
             goal: None,
             flight: None,
         }
@@ -182,6 +188,20 @@ impl Viewpoint {
     fn ease_to(&mut self, position: DVec3) {
         let distance_m = self.distance_m.min(VEHICLE_M);
         self.goal = Some(Goal { distance_m, to_go: position - self.target });
+    }
+
+    /// Raises the camera over what hides the followed vehicle, and lowers it again once nothing does, in a frame of `dt_s`;
+    /// returns whether it still moves.
+    pub fn keep_in_sight(&mut self, seen: &FrameSnapshot, walls: &[Wall], dt_s: f64) -> bool {
+        let followed = self.follow.and_then(|id| seen.vehicle(id));
+        let is_raised = !self.rear && matches!(self.mode, CameraMode::Orbit | CameraMode::Chase);
+        let Some(vehicle) = followed.filter(|_| is_raised) else { return self.raise.ease_to(0.0, dt_s) };
+        let hides = |raise: Raise| {
+            let eye = Self { raise, ..self.clone() }.view(seen, [16, 9]).extrinsics.position;
+            occlusion::is_occluded(eye, vehicle.position + DVec3::Z, walls)
+        };
+        let needed_rad = self.raise.needed_rad(hides);
+        self.raise.ease_to(needed_rad, dt_s)
     }
 
     /// Goes on easing for a frame of `dt_s`; returns whether it has not come to its end.
@@ -347,7 +367,7 @@ impl Viewpoint {
                 target: self.target + DVec3::Z,
                 distance_m: self.distance_m,
                 azimuth_rad: self.azimuth_rad,
-                elevation_rad: self.elevation_rad,
+                elevation_rad: (self.elevation_rad + self.raise.by_rad()).min(STEEPEST_RAD),
             },
         }
     }
@@ -366,7 +386,7 @@ impl Viewpoint {
             match self.mode {
                 CameraMode::Chase if !self.rear => {
                     let height_m = seen.info(state.id).map_or(0.0, |info| info.dimensions.height_m);
-                    view.extrinsics = self.gaze.chase(state, height_m);
+                    view.extrinsics = self.gaze.raised(self.raise.by_rad()).chase(state, height_m);
                 }
                 CameraMode::Onboard => view.extrinsics = self.gaze.onboard(state, view.extrinsics),
                 _ => {}

@@ -1,7 +1,7 @@
-//! Lines of charts in the colours of the vehicles that they belong to, as bodies in the city have them. What is written to
-//! files keeps the palette of figures, which is made for paper.
+//! Lines of charts in the colours of the vehicles that they belong to, as bodies in the city have them, on the screen and in
+//! files. On paper they are as dark as white ground needs.
 
-use crate::ui::colour_difference;
+use crate::ui::{colour_difference, legible_line};
 use city3d_logbook::figures::chart::{Colour, Dash, Figure, LineStyle};
 use city3d_protocol::snapshot::{VehicleId, VehicleInfo};
 use egui::Color32;
@@ -46,6 +46,20 @@ impl Bodies {
         figure
     }
 
+    /// The same for a white ground.
+    pub(super) fn painted_on_paper(&self, figure: Figure) -> Figure {
+        // Dashes tell the same vehicles apart as on the screen.
+        let mut figure = self.painted(figure);
+        let legend = figure.legend.iter_mut().map(|entry| &mut entry.stroke);
+        let lines = figure.panels.iter_mut().flat_map(|panel| &mut panel.lines).map(|line| &mut line.stroke);
+        for stroke in legend.chain(lines) {
+            if self.of.values().any(|(_, colour)| *colour == stroke.colour) {
+                stroke.colour = on_paper(stroke.colour);
+            }
+        }
+        figure
+    }
+
     /// The colour of the vehicle that an entry names: `1 car`, `car`, `Path 1: car`, with a remark behind it or none.
     fn colour(&self, entry: &str) -> Option<Colour> {
         let name = entry.split_once(": ").map_or(entry, |(_, name)| name);
@@ -55,6 +69,12 @@ impl Bodies {
         };
         self.of.iter().find(is_named).map(|(_, (_, colour))| *colour)
     }
+}
+
+/// The colour as it is legible on white.
+pub(super) fn on_paper([r, g, b]: Colour) -> Colour {
+    let dark = legible_line(Color32::from_rgb(r, g, b), Color32::WHITE);
+    [dark.r(), dark.g(), dark.b()]
 }
 
 fn difference(a: Colour, b: Colour) -> f64 {

@@ -49,6 +49,12 @@ pub struct EditedCity {
 /// Begins the description of a scenario that was saved as another one.
 const MADE_FROM: &str = "Made from ";
 
+/// A version of the text, and the change that led to it, in words; the first one has none.
+struct Version {
+    text: String,
+    change: String,
+}
+
 type Outcome = Result<EditedCity, Vec<String>>;
 
 /// A scenario under editing.
@@ -58,7 +64,7 @@ pub struct ScenarioEditor {
     library: Library,
     overrides: Overrides,
     /// Every version of the text, and which one is edited: changes behind it can be made again.
-    versions: Vec<String>,
+    versions: Vec<Version>,
     at: usize,
     saved: String,
     document: ScenarioDocument,
@@ -90,7 +96,7 @@ impl ScenarioEditor {
             file: path.is_file().then_some(path),
             library,
             overrides: Overrides { allows_no_vehicles: true, ..request.overrides },
-            versions: vec![shown],
+            versions: vec![Version { text: shown, change: String::new() }],
             at: 0,
             saved: text,
             vehicles: document.vehicles(),
@@ -109,7 +115,7 @@ impl ScenarioEditor {
 
     /// The edited text.
     pub fn text(&self) -> &str {
-        &self.versions[self.at]
+        &self.versions[self.at].text
     }
 
     /// Whether the text differs from the file.
@@ -137,12 +143,17 @@ impl ScenarioEditor {
             problems: &self.problems,
             is_checking: self.checked != self.text(),
             is_changed: self.is_changed(),
-            can_undo: self.at > 0,
-            can_redo: self.at + 1 < self.versions.len(),
+            undoes: self.change_to(self.at),
+            redoes: self.change_to(self.at + 1),
             file: self.file(),
             name: &self.name,
             description: self.document.description(),
         }
+    }
+
+    /// The change that led to a version; `None` of the first one and where there is none.
+    fn change_to(&self, at: usize) -> Option<&str> {
+        self.versions.get(at).filter(|_| at > 0).map(|version| version.change.as_str())
     }
 
     /// Adds a vehicle on a lane, with a name that is free; returns its id.
@@ -161,8 +172,9 @@ impl ScenarioEditor {
         let is_taken = |name: &String| self.vehicles.iter().any(|vehicle| vehicle.name == *name);
         let mut names = (self.vehicles.len() + 1..).map(|k| format!("{kind}{k}"));
         let name = names.find(|name| !is_taken(name)).unwrap_or_default();
+        let change = format!("add {name}");
         let index = self.document.add_vehicle(&StatedVehicle { name, ..vehicle });
-        self.keep();
+        self.keep(change);
         self.vehicles.get(index).map_or_else(VehicleId::default, |vehicle| vehicle.id)
     }
 
@@ -180,7 +192,7 @@ impl ScenarioEditor {
         }
         self.document.edit_vehicle(index, VehicleEdit::Route(route));
         self.document.edit_vehicle(index, VehicleEdit::At(at_m));
-        self.keep();
+        self.keep(format!("move {}", self.vehicles[index].name));
     }
 
     /// Changes what is stated of a vehicle.
@@ -191,31 +203,37 @@ impl ScenarioEditor {
         {
             self.document.state_driver(name, name);
         }
+        let what = what_of(&edit);
         self.document.edit_vehicle(index, edit);
-        self.keep();
+        self.keep(format!("change the {what} of {}", self.vehicles[index].name));
     }
 
     /// Changes the description of the scenario.
     pub fn describe(&mut self, description: &str) {
         self.document.set_description(description);
-        self.keep();
+        self.keep("change the description".to_owned());
     }
 
     /// Removes a vehicle.
     pub fn remove(&mut self, id: VehicleId) {
         let Some(index) = self.index(id) else { return };
+        let change = format!("remove {}", self.vehicles[index].name);
         self.document.remove_vehicle(index);
-        self.keep();
+        self.keep(change);
     }
 
-    /// Takes the last change back.
-    pub fn undo(&mut self) {
-        self.go_to(self.at.saturating_sub(1));
+    /// Takes the last change back; returns it in words.
+    pub fn undo(&mut self) -> Option<String> {
+        let change = self.change_to(self.at)?.to_owned();
+        self.go_to(self.at - 1);
+        Some(change)
     }
 
-    /// Makes the last change again.
-    pub fn redo(&mut self) {
-        self.go_to((self.at + 1).min(self.versions.len() - 1));
+    /// Makes the last change again; returns it in words.
+    pub fn redo(&mut self) -> Option<String> {
+        let change = self.change_to(self.at + 1)?.to_owned();
+        self.go_to(self.at + 1);
+        Some(change)
     }
 
     /// Writes the text to a file, which is the edited one from now on. It is written beside and renamed.
@@ -232,7 +250,7 @@ impl ScenarioEditor {
             let description = self.description_elsewhere();
             self.document.set_name(&name.to_string_lossy());
             self.document.set_description(&description);
-            self.keep();
+            self.keep(format!("name it {}", name.to_string_lossy()));
         }
         if let Err(reason) = WholeFile::write(path, self.text().as_bytes()) {
             self.versions.truncate(before + 1);
@@ -311,12 +329,12 @@ impl ScenarioEditor {
         self.vehicles.iter().position(|vehicle| vehicle.id == id)
     }
 
-    /// Keeps the changed document as the next version.
-    fn keep(&mut self) {
+    /// Keeps the changed document as the next version; `change` says what was done.
+    fn keep(&mut self, change: String) {
         let text = self.document.to_string();
         if text != self.text() {
             self.versions.truncate(self.at + 1);
-            self.versions.push(text);
+            self.versions.push(Version { text, change });
             self.at += 1;
         }
         self.refresh();
@@ -336,6 +354,22 @@ impl ScenarioEditor {
         self.types = self.document.types();
         self.drivers = drivers_of(&self.document);
         self.poll();
+    }
+}
+
+/// What a change is about, in words.
+fn what_of(edit: &VehicleEdit) -> &'static str {
+    match edit {
+        VehicleEdit::Name(_) => "name",
+        VehicleEdit::Type(_) => "type",
+        VehicleEdit::Model(_) => "dynamics model",
+        VehicleEdit::Shape(_) => "body",
+        VehicleEdit::Driver(_) => "driver",
+        VehicleEdit::Route(_) => "route",
+        VehicleEdit::At(_) => "start",
+        VehicleEdit::Speed(_) => "initial speed",
+        VehicleEdit::Leaves(_) => "end",
+        VehicleEdit::Cameras(_) => "cameras",
     }
 }
 
@@ -400,7 +434,8 @@ mod tests {
         settle(&mut editor);
         assert_eq!((there(&editor).len(), editor.is_changed()), (6, false));
         let added = editor.add("north-avenue/east/2".to_owned(), 1.5);
-        assert_eq!((added, editor.view().can_undo, editor.is_changed()), (VehicleId(7), true, true));
+        assert_eq!((added, editor.is_changed()), (VehicleId(7), true));
+        assert_eq!((editor.view().undoes, editor.view().redoes), (Some("add vehicle7"), None));
         settle(&mut editor);
         assert_eq!((there(&editor).len(), editor.view().problems), (7, &[] as &[String]));
         editor.change(added, VehicleEdit::Driver(Some("nobody".to_owned())));
@@ -409,13 +444,15 @@ mod tests {
         assert!(problem.contains("nobody") && !problem.contains("line "), "{problem}");
         // The city stays as it was read last.
         assert_eq!(there(&editor).len(), 7);
-        editor.undo();
-        editor.undo();
+        assert_eq!(editor.undo().as_deref(), Some("change the driver of vehicle7"));
+        assert_eq!(editor.undo().as_deref(), Some("add vehicle7"));
+        assert_eq!(editor.undo(), None);
         settle(&mut editor);
-        assert_eq!((there(&editor).len(), editor.view().can_undo, editor.is_changed()), (6, false, false));
-        editor.redo();
+        assert_eq!((there(&editor).len(), editor.view().undoes, editor.is_changed()), (6, None, false));
+        assert_eq!(editor.redo().as_deref(), Some("add vehicle7"));
+        assert_eq!(editor.view().redoes, Some("change the driver of vehicle7"));
         editor.move_to(added, "north-avenue/east/2".to_owned(), 2.0);
-        assert!(!editor.view().can_redo, "a change behind an undone one takes its place");
+        assert!(editor.view().redoes.is_none(), "a change behind an undone one takes its place");
         settle(&mut editor);
         let stated = editor.view().vehicle(added).cloned().unwrap();
         assert_eq!((stated.name.as_str(), stated.at_m, stated.route.len()), ("vehicle7", 2.0, 1));

@@ -231,7 +231,7 @@ impl LiveFigures {
     pub(super) fn save(&mut self, folder: &Path) {
         let drawn = self.wanted.as_ref().map_or(Ok(None), |wanted| self.draw(wanted, true));
         let mut figure = match drawn {
-            Ok(Some(figure)) => figure,
+            Ok(Some(figure)) => self.bodies.painted_on_paper(figure),
             Ok(None) => return self.refuse("it is being computed; try again in a moment"),
             Err(why) => return self.refuse(&why),
         };
@@ -296,6 +296,7 @@ fn unused(folder: &Path, name: &str) -> String {
 
 #[cfg(test)]
 mod tests {
+    use super::super::body_colours::on_paper;
     use super::*;
     use city3d_logbook::figures::{FigureScale, Quantity};
     use city3d_simulation::runner::Run;
@@ -411,6 +412,21 @@ mod tests {
     }
 
     #[test]
+    fn speeds_of_figures_of_paths_are_in_the_unit_of_the_settings() {
+        let mut watched = Watched::new();
+        watched.go_to(2000);
+        let [kmh, mps] = [FigureScale::City, FigureScale::CityMetresPerSecond].map(|scale| {
+            let along = watched.chart_in(ChartKind::SpeedAlongPath, scale).figure.unwrap();
+            let label = along.panels[0].y_label.clone();
+            let bar = watched.chart_in(ChartKind::SpaceTime, scale).figure.unwrap().scale.clone().unwrap();
+            assert_eq!(label, bar.label, "both figures name it alike");
+            (bar.label, bar.to)
+        });
+        assert_eq!((kmh.0.as_str(), mps.0.as_str()), ("Speed [km/h]", "Speed [m/s, full scale]"));
+        assert!((kmh.1 - 3.6 * mps.1).abs() < 0.01 * kmh.1, "{} km/h, {} m/s", kmh.1, mps.1);
+    }
+
+    #[test]
     fn of_several_merging_points_the_chosen_one_is_shown_else_one_that_the_kept_vehicles_pass() {
         let mut watched = Watched::of("intersection-signals");
         watched.go_to(20_000);
@@ -478,7 +494,15 @@ mod tests {
             assert_eq!(table.lines().count(), 1 + 6 * 30);
             let picture = std::fs::read(folder.path().join(format!("{name}.png"))).unwrap();
             assert!(picture.starts_with(b"\x89PNG"));
-            assert!(folder.path().join(format!("{name}.svg")).exists());
+            // Each vehicle has the colour that it has on the screen, or a darker one of it.
+            let svg =
+                std::fs::read_to_string(folder.path().join(format!("{name}.svg"))).unwrap().to_lowercase();
+            let legend = &watched.figures.view().figure.unwrap().legend;
+            assert!(legend.len() == 6, "{legend:?}");
+            for entry in legend {
+                let [r, g, b] = on_paper(entry.stroke.colour);
+                assert!(svg.contains(&format!("#{r:02x}{g:02x}{b:02x}")), "{}", entry.name);
+            }
         }
     }
 }

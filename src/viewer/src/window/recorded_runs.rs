@@ -22,7 +22,7 @@ pub fn recorded_runs<'a>(folders: impl Iterator<Item = &'a Path>, now: SystemTim
         let since = now.duration_since(written).unwrap_or_default();
         let of = RunFolder::of(&folder);
         RunEntry {
-            name: of.name(seed(&folder)),
+            name: of.name(conditions(&folder)),
             began: of.began(since),
             age: age(since),
             has_summary: folder.join(SUMMARY).is_file(),
@@ -34,9 +34,11 @@ pub fn recorded_runs<'a>(folders: impl Iterator<Item = &'a Path>, now: SystemTim
 
 const SUMMARY: &str = "summary.json";
 
-/// The seed that the summary of a run states.
-fn seed(folder: &Path) -> Option<u64> {
-    RunMeasures::read(folder).ok().map(|measures| measures.seed)
+/// Seed and environment that the summary of a run states, in few words: the lists are narrow.
+fn conditions(folder: &Path) -> Option<String> {
+    let RunMeasures { seed, environment, .. } = RunMeasures::read(folder).ok()?;
+    let environment = if environment.is_empty() { environment } else { format!(", {environment}") };
+    Some(format!("seed {seed}{environment}"))
 }
 
 fn find(folder: &Path, depth: usize, found: &mut Vec<(SystemTime, PathBuf)>) {
@@ -83,10 +85,10 @@ impl RunFolder {
         Self { scenario: scenario.join("-"), began, number }
     }
 
-    fn name(&self, seed: Option<u64>) -> String {
-        let seed = seed.map_or_else(String::new, |seed| format!(", seed {seed}"));
+    fn name(&self, conditions: Option<String>) -> String {
+        let conditions = conditions.map_or_else(String::new, |conditions| format!(", {conditions}"));
         let number = if self.number > 1 { format!(", run {}", self.number) } else { String::new() };
-        format!("{}{seed}{number}", self.scenario)
+        format!("{}{conditions}{number}", self.scenario)
     }
 
     /// The time of day, and the date of a run that was made before today.
@@ -116,7 +118,7 @@ fn age(age: Duration) -> String {
 mod tests {
     use super::*;
 
-    const SUMMARY_OF_SEED_7: &str = r#"{"scenario": "merge", "seed": 7, "simulated_s": 40.0, "collisions": 0,
+    const SUMMARY_OF_SEED_7: &str = r#"{"scenario": "merge", "seed": 7, "environment": "testbed", "simulated_s": 40.0, "collisions": 0,
         "mean_speed_mps": 7.0, "vehicles": {}}"#;
 
     #[test]
@@ -134,7 +136,7 @@ mod tests {
         let mut runs = recorded_runs([root.path(), root.path()].into_iter(), later);
         runs.sort_by(|a, b| a.name.cmp(&b.name));
         let told: Vec<_> = runs.iter().map(|run| (run.name.as_str(), run.has_summary)).collect();
-        assert_eq!(told, [("merge, seed 7", true), ("own", true), ("roundabout, run 2", false)]);
+        assert_eq!(told, [("merge, seed 7, testbed", true), ("own", true), ("roundabout, run 2", false)]);
         assert_eq!(runs.iter().map(|run| run.began.as_str()).collect::<Vec<_>>(), ["13:15", "", "13:15"]);
         let of = RunFolder::of(Path::new("grid-2x5-20261125-131520/run-1"));
         assert_eq!(

@@ -4,6 +4,7 @@ mod editing;
 mod entering;
 mod kept;
 mod seat;
+mod shown_status;
 #[cfg(test)]
 mod tests;
 mod title;
@@ -23,7 +24,7 @@ use crate::ui::{
     UiState, VideoRequest, VideoStatus, ViewModel,
 };
 use city3d_logbook::record::LogOrigin;
-use city3d_protocol::snapshot::{FrameSnapshot, Status, VehicleSpec, VehicleState};
+use city3d_protocol::snapshot::{FrameSnapshot, Status, VehicleId, VehicleSpec, VehicleState};
 use city3d_render::Context;
 use city3d_session::playback::{LogInfo, PastPlayer, PlaybackCommand, Player};
 use city3d_session::{
@@ -117,6 +118,8 @@ pub struct ViewerState {
     scenarios: Vec<ScenarioChoice>,
     /// Description of what is being loaded.
     pub loading: Option<String>,
+    /// Vehicles that the user has released, before the step that hears of it.
+    released: Vec<VehicleId>,
     /// Number of the run in which the user last took the driver's seat.
     seated_in_run: u32,
     footer: String,
@@ -220,6 +223,7 @@ impl ViewerState {
             interpolated,
             scenarios: shipped_scenarios().map(choice).collect(),
             loading: None,
+            released: Vec::new(),
             seated_in_run: 0,
             footer: String::new(),
             adapter: String::new(),
@@ -357,7 +361,8 @@ impl ViewerState {
         self.follow_editor_panel();
         let now_s = ui.input(|input| input.time);
         self.ask_for_plans(self.state.shows_plans());
-        self.ask_for_decisions(self.state.shows_decisions());
+        // Statuses are shown as they fit them.
+        self.ask_for_decisions(true);
         self.meet_vehicles(&run_state);
         self.seat_user(now_s);
         self.say_refusal(&run_state, now_s);
@@ -371,6 +376,8 @@ impl ViewerState {
         } else if let Some(earlier) = self.past.advance(now, &live, &self.history, &self.experiment) {
             (run_state, weight) = (before_start(earlier.0), earlier.1);
         }
+        let is_present = !self.past.is_past() && !self.edits;
+        run_state = self.with_shown_statuses(run_state, is_present);
         let past = PastView { head: self.past.head(&live, &self.history), is_shown: self.past.is_past() };
         self.interpolated.blend(&run_state.before, &run_state.now, weight);
         let told = self.player().map(|player| (player.head(), player.is_late(), player.info()));
@@ -391,6 +398,7 @@ impl ViewerState {
         let editor = self.editor.as_ref().filter(|_| self.edits);
         let scenario_info =
             editor.and_then(ScenarioEditor::city).map_or(&self.scenario_info, |city| &city.info);
+        let conditions = self.experiment.conditions();
         let shown = ViewModel {
             run_state: &run_state,
             interpolated: &self.interpolated,
@@ -406,6 +414,7 @@ impl ViewerState {
             cameras: &scenario_info.cameras,
             steering_geometry: &scenario_info.steering_geometry,
             scenario: &self.request.scenario,
+            conditions: &conditions,
             duration_s: self.experiment.duration_s,
             scenarios: &self.scenarios,
             loading: self.loading.as_deref(),
@@ -483,7 +492,7 @@ impl ViewerState {
         }
     }
 
-    /// Asks the run for decisions and delays of commands while they are on display.
+    /// Asks the run for decisions and delays of commands.
     pub fn ask_for_decisions(&mut self, wants: bool) {
         if wants != self.asks_for_decisions && self.send(Order::TellDecisions(wants)) {
             self.asks_for_decisions = wants;
@@ -504,8 +513,7 @@ impl ViewerState {
     /// Carries out a playback command. Who drives has to see the present.
     fn look_back(&mut self, command: PlaybackCommand, now_s: f64) {
         if self.state.driving.is_some() {
-            let said = "You drive: release the vehicle to look at the past";
-            self.state.say(self.state.keys.tip(said, &ui::commands::RELEASE), now_s);
+            self.state.say(ui::commands::DRIVES.words(&self.state.keys), now_s);
             return;
         }
         self.control_playback(command);

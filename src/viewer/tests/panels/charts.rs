@@ -1,7 +1,8 @@
 //! The panel Charts: what can be chosen, what is drawn, and what a click does.
 
+use super::city::{has_text, texts};
 use super::desk::{Desk, click, fleet, harness, press};
-use city3d_logbook::figures::chart::{ChartLine, Figure, LegendEntry, LineStyle, Panel};
+use city3d_logbook::figures::chart::{ChartLine, Dash, Figure, LegendEntry, LineStyle, Panel, ReferenceLine};
 use city3d_logbook::figures::{FigureScale, Quantity, TidyTable};
 use city3d_protocol::snapshot::VehicleId;
 use city3d_session::playback::PlaybackCommand;
@@ -65,12 +66,31 @@ fn a_chart_names_its_lines_and_quantities_can_be_chosen() {
 }
 
 #[test]
+fn reference_lines_of_a_chart_have_their_names() {
+    let rule = ReferenceLine {
+        at: 40.0,
+        is_level: true,
+        name: "merging point".to_owned(),
+        dash: Dash::Solid,
+        is_before: false,
+    };
+    let outside = ReferenceLine { at: 400.0, name: "far away".to_owned(), ..rule.clone() };
+    let harness = open(|desk| desk.chart.as_mut().unwrap().panels[0].rules = vec![rule, outside]);
+    assert!(has_text(&harness, "merging point") && !has_text(&harness, "far away"), "{:?}", texts(&harness));
+}
+
+#[test]
 fn vehicles_stay_in_the_chart_until_they_are_taken_out() {
     let mut harness = open(|desk| desk.state.selection.vehicle = Some(VehicleId(2)));
-    click(&mut harness, "+ Keep 2 car2");
+    let keep = harness.get_by_label("+ Keep").rect();
+    click(&mut harness, "+ Keep");
+    // A second click at the same place takes nothing out again.
+    assert_eq!(harness.get_by_label("+ Keep").rect(), keep);
+    super::city::click_at(&mut harness, keep.center(), 1);
     harness.state_mut().state.selection.vehicle = Some(VehicleId(5));
     harness.run_steps(3);
-    click(&mut harness, "+ Keep 5 car5");
+    super::city::click_at(&mut harness, keep.center(), 2);
+    harness.run_steps(3);
     assert_eq!(harness.state().state.charts.vehicles, [2, 5].map(VehicleId));
     click(&mut harness, "2 car2 \u{d7}");
     assert_eq!(harness.state().state.charts.vehicles, [VehicleId(5)]);

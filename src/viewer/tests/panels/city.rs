@@ -1,10 +1,10 @@
 //! The large view: what is drawn over it, clicks in it, its map, and sizes of all kinds.
 
-use super::desk::{Desk, click, fleet, harness, press, with};
+use super::desk::{Desk, EditedFile, click, fleet, harness, press, with};
 use city3d_protocol::snapshot::{FrameSnapshot, VehicleId};
 use city3d_scene::Wall;
 use city3d_session::RunPhase;
-use city3d_viewer::ui::{CameraMode, PictureRequest, PictureSlot, UiAction};
+use city3d_viewer::ui::{CameraMode, EditTool, ManualDrive, PictureRequest, PictureSlot, UiAction};
 use egui::{Pos2, Rect, Shape, Vec2};
 use egui_kittest::Harness;
 use egui_kittest::kittest::Queryable;
@@ -90,6 +90,38 @@ fn vehicles_carry_labels_unless_walls_hide_them() {
     harness.state_mut().state.selection.vehicle = None;
     press(&mut harness, egui::Key::L);
     assert!(!has_text(&harness, "1 car1"), "L switches them off");
+}
+
+/// Where a text is painted that is no widget.
+fn painted(harness: &Harness<'static, Desk>, text: &str) -> Rect {
+    let shapes = harness.output().shapes.iter();
+    let mut found = shapes.filter_map(|clipped| match &clipped.shape {
+        Shape::Text(shape) if shape.galley.text() == text => Some(shape.visual_bounding_rect()),
+        _ => None,
+    });
+    found.next_back().unwrap_or_else(|| panic!("{text} is not painted: {:?}", texts(harness)))
+}
+
+#[test]
+fn a_notice_hides_neither_the_speed_of_the_driver_nor_what_the_next_click_does() {
+    let mut desk = Desk::with(fleet(2));
+    desk.state.driving = Some(ManualDrive::take_over(VehicleId(1), 1, 0.0));
+    desk.change(|now| now.vehicles[0].speed_mps = 10.0);
+    let mut driven = harness(desk);
+    driven.state_mut().state.say("Something is said", 1e3);
+    driven.run_steps(3);
+    let (notice, speed) = (painted(&driven, "Something is said"), driven.get_by_label("36 km/h").rect());
+    assert!(notice.bottom() + 8.0 <= speed.top(), "{notice:?} over {speed:?}");
+    let mut desk = Desk::with(fleet(2));
+    desk.edit = Some(EditedFile::of_fleet(2));
+    desk.state.editing.tool = EditTool::AddVehicle;
+    let mut edited = harness(desk);
+    edited.state_mut().state.say("Something is said", 1e3);
+    edited.run_steps(3);
+    let instruction = painted(&edited, "Click the lane where the vehicle starts. Esc ends");
+    let notice = painted(&edited, "Something is said");
+    assert!(notice.bottom() + 8.0 <= instruction.top(), "{notice:?} over {instruction:?}");
+    assert!(place(&edited).contains_rect(notice));
 }
 
 #[test]

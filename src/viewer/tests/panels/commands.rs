@@ -19,7 +19,7 @@ fn commands() -> impl Iterator<Item = &'static Command> {
 }
 
 /// Windows that have all actions between them.
-pub fn desks() -> [Desk; 5] {
+pub fn desks() -> [Desk; 6] {
     let selected = || {
         let mut desk = Desk::with(fleet(3));
         desk.state.selection.vehicle = Some(VehicleId(2));
@@ -46,7 +46,11 @@ pub fn desks() -> [Desk; 5] {
     replay.recording = Some(Recording { head, marks, searched: 1.0, truncation: None });
     let mut editing = selected();
     editing.edit = Some(EditedFile { has_history: true, ..EditedFile::of_fleet(3) });
-    [selected(), running, driving, replay, editing]
+    let mut finished = super::runs::finished();
+    // Its card was put away.
+    finished.state.runs.end_card.open(1);
+    finished.state.runs.end_card.close();
+    [selected(), running, driving, replay, editing, finished]
 }
 
 fn open_palette(harness: &mut Harness<'static, Desk>) {
@@ -111,6 +115,35 @@ fn the_palette_finds_vehicles_speeds_and_scenarios_by_their_names() {
 }
 
 #[test]
+fn the_palette_finds_actions_by_the_words_that_others_use() {
+    let mut harness = harness(super::runs::finished());
+    for (words, first) in [
+        ("replay", "Replay the run from its log"),
+        ("result", "Show the result of the run"),
+        ("summary", "Show the result of the run"),
+        ("seed", "Start page: scenarios, recent files, recorded runs"),
+        ("environment", "Start page: scenarios, recent files, recorded runs"),
+        ("export", "Record a video, or end it"),
+        ("export chart", "Save the chart as SVG, PNG and CSV"),
+        ("export picture", "Save a screenshot"),
+        ("queue", "Traffic: delay, safety, space-time diagram"),
+        ("camera 1", "Open or close the camera of 1 car1"),
+        ("camera 4", "Overhead camera"),
+        ("shortcuts", "Help: all keys and statuses"),
+        ("crash", "Run until the next collision"),
+        ("plot", "Charts of several vehicles"),
+    ] {
+        open_palette(&mut harness);
+        type_text(&mut harness, words);
+        let row = harness.query_all_by_label(first).map(|row| row.rect().top()).fold(f32::INFINITY, f32::min);
+        let fields = harness.get_all_by_role(egui::accesskit::Role::TextInput);
+        let field = fields.map(|field| field.rect()).find(|rect| rect.width() > 400.0).unwrap();
+        assert!((0.0..14.0).contains(&(row - field.bottom())), "{words}: {first} is not the first");
+        press(&mut harness, Key::Escape);
+    }
+}
+
+#[test]
 fn the_palette_finds_by_words_and_is_worked_by_keys() {
     let mut harness = harness(Desk::with(fleet(2)));
     open_palette(&mut harness);
@@ -171,7 +204,7 @@ fn the_manual_and_the_help_have_every_key() {
         let expected = format!("### {}\n\n| key | action |\n|---|---|\n{table}\n", section.title);
         assert!(rows.is_empty() || manual.contains(&expected), "docs/window.md needs:\n{expected}");
         let is_of_replays = section.title == "Time";
-        let [local, _, _, replay, _] = desks();
+        let [local, _, _, replay, ..] = desks();
         let mut harness = harness(if is_of_replays { replay } else { local });
         press(&mut harness, Key::F1);
         harness.run_steps(5);

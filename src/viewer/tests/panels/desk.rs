@@ -233,6 +233,7 @@ impl Desk {
             cameras: &self.cameras,
             steering_geometry: &self.steering_geometry,
             scenario: "straight",
+            conditions: "seed 1, ideal environment",
             duration_s: 30.0,
             scenarios: &["straight", "city"].map(|name| ScenarioChoice {
                 name: name.to_owned(),
@@ -272,8 +273,8 @@ impl Desk {
                 problems: &edit.problems,
                 is_checking: false,
                 is_changed: edit.has_history,
-                can_undo: edit.has_history,
-                can_redo: edit.has_history,
+                undoes: edit.has_history.then_some("move car1"),
+                redoes: edit.has_history.then_some("remove car3"),
                 file: None,
                 name: "mine.toml",
                 description: &edit.description,

@@ -60,6 +60,19 @@ fn the_form_changes_the_selected_vehicle() {
 }
 
 #[test]
+fn undo_and_redo_say_of_what() {
+    let mut desk = editing();
+    desk.edit.as_mut().unwrap().has_history = true;
+    let mut harness = harness(desk);
+    for (button, said) in [("Undo", "Undo: move car1 (Ctrl+Z)"), ("Redo", "Redo: remove car3 (Ctrl+Shift+Z)")]
+    {
+        harness.get_by_label(button).hover();
+        harness.run_steps(10);
+        harness.get_by_label(said);
+    }
+}
+
+#[test]
 fn problems_are_listed_and_keep_the_scenario_from_running() {
     let mut desk = editing();
     let problem = "line 3, column 1: the map has no lane \"a\"";
@@ -181,6 +194,8 @@ fn a_long_way_round_is_told_beside_its_lane() {
     desk.edit.as_mut().unwrap().vehicles[1].route = route;
     let mut harness = harness(desk);
     harness.get_by_label_contains("times the straight distance; to west-street/south/inner/3 beside it: ");
+    harness.get_by_label("\u{26a0} 3 vehicles, can be run; a long way round: car2");
+    assert!(harness.query_by_label_contains("no problems").is_none(), "not beside a warning");
     harness.state_mut().edit.as_mut().unwrap().vehicles[1].route[1] = "west-street/south/inner/3".to_owned();
     harness.run_steps(2);
     assert!(harness.query_by_label_contains("times the straight distance").is_none());

@@ -76,13 +76,14 @@ fn the_usual_keys_of_two_actions_do_not_clash() {
 
 #[test]
 fn an_action_can_be_run_only_where_its_key_is_said_to_work() {
-    let [selected, running, driving, replay, editing] = desks();
+    let [selected, running, driving, replay, editing, finished] = desks();
     for (desk, scope) in [
         (selected, Scope::LIVE),
         (running, Scope::LIVE),
         (driving, Scope::DRIVING),
         (replay, Scope::PLAYED),
         (editing, Scope::EDITING),
+        (finished, Scope::LIVE),
     ] {
         let now = desk.available_now();
         assert!(!now.is_empty());

@@ -151,13 +151,15 @@ fn who_drives_keeps_car_and_camera_when_a_collision_is_clicked() {
     desk.state.driving = Some(ManualDrive::take_over(VehicleId(1), 1, 0.0));
     desk.state.selection.vehicle = Some(VehicleId(1));
     let mut harness = harness(desk);
-    click(&mut harness, "1 collision");
     let shows = |action: &UiAction| matches!(action, UiAction::PlaybackCommand(_));
-    assert_eq!(
-        take_actions(&mut harness).iter().filter(|action| shows(action)).count(),
-        1,
-        "which is refused"
-    );
+    for button in ["1 collision", "\u{23f4} Event", "\u{23ee}", "\u{23f4} Step"] {
+        click(&mut harness, button);
+        assert!(!take_actions(&mut harness).iter().any(shows), "{button}");
+        // Why, before one clicks.
+        harness.get_by_label(button).hover();
+        harness.run_steps(10);
+        harness.get_by_label("You drive: release the vehicle to look at the past (Enter)");
+    }
     let state = &harness.state().state;
     assert_eq!((state.selection.vehicle, state.viewpoint.follow), (Some(VehicleId(1)), None));
 }
@@ -188,6 +190,17 @@ fn what_is_grave_is_counted_and_shown_where_and_when_it_happened() {
     assert_eq!(said, "1.25 s: 3 car3, collision with 5, and 1 more (G shows the last)");
     let said = announcement(&names, &[lost], usual).unwrap();
     assert_eq!(said, "2.45 s: 5 car5, link lost (G shows it)");
+}
+
+#[test]
+fn who_looks_at_the_past_sees_the_last_event_until_then() {
+    let mut harness = live();
+    harness.set_size(egui::vec2(1600.0, 720.0));
+    harness.run_steps(4);
+    harness.get_by_label("2.00 s: 4 car4, merge");
+    look_back(&mut harness);
+    harness.get_by_label("0.50 s: 1 car1, stop");
+    assert!(harness.query_by_label("2.00 s: 4 car4, merge").is_none(), "it has not happened yet");
 }
 
 #[test]

@@ -4,6 +4,7 @@ use super::desk::{Desk, click, experiment, fleet, harness, press, with};
 use city3d_logbook::figures::Quantity;
 use city3d_logbook::measures::RunMeasures;
 use city3d_protocol::snapshot::{Event, EventKind, FrameSnapshot, Status, VehicleId};
+use city3d_sensors::Weather;
 use city3d_session::{Order, RunPhase};
 use city3d_simulation::environment::EnvironmentProfile;
 use city3d_simulation::runner::{Observer, Summary};
@@ -292,7 +293,7 @@ fn outcome() -> Summary {
     Summary::new(&experiment, &observer, &snapshot, events, 1.0)
 }
 
-fn finished() -> Desk {
+pub fn finished() -> Desk {
     let mut desk = Desk::with(fleet(2));
     desk.run_state.phase = RunPhase::Over;
     desk.run_state.folder = Some("/runs/straight-1/run-1".into());
@@ -311,24 +312,57 @@ fn a_finished_run_tells_what_came_of_it_and_what_can_be_done() {
         "Stops",
         "Mean speed",
         "Throughput",
+        "none: fewer than two arrivals counted",
         "Mean delay",
         "/runs/straight-1/run-1",
     ] {
         assert!(harness.query_all_by_label_contains(text).count() > 0, "{text}");
     }
-    assert!(harness.query_by_label_contains("straight, seed 1: 12.0 s simulated").is_some());
+    assert!(
+        harness.query_by_label_contains("straight, seed 1, ideal environment: 12.0 s simulated").is_some()
+    );
     assert!(harness.query_by_label_contains("Vehicles that have collided stay where they are").is_some());
     click(&mut harness, "Replay");
     click(&mut harness, "Run again");
     click(&mut harness, "Continue");
     let expected = [UiAction::Replay, UiAction::RunAgain(Some(2)), UiAction::Order(Order::Start)];
     assert_eq!(harness.state().actions, expected);
-    // It can be put away, and the next run has a card of its own.
+    // It can be put away and fetched again, and the next run has a card of its own.
+    let result = "Show the result of the run";
+    for way in ["finished", result] {
+        click(&mut harness, "Close window");
+        assert!(harness.query_by_label("Replay").is_none());
+        if way == result {
+            click(&mut harness, "Panels");
+        }
+        harness.get_by_label_contains(way).click();
+        harness.run_steps(3);
+        harness.get_by_label("Replay");
+    }
     click(&mut harness, "Close window");
-    assert!(harness.query_by_label("Replay").is_none());
     harness.state_mut().run_state.run = 2;
     harness.run_steps(2);
     harness.get_by_label("Replay");
+}
+
+#[test]
+fn the_result_can_be_seen_while_the_run_goes_on_beyond_its_end() {
+    let mut desk = finished();
+    desk.run_state.phase = RunPhase::Running;
+    let mut harness = harness(desk);
+    click(&mut harness, "Panels");
+    harness.get_by_label_contains("Show the result of the run").click();
+    harness.run_steps(3);
+    harness.get_by_label_contains("straight, seed 1, ideal environment: 12.0 s simulated");
+    assert!(harness.query_by_label("Continue").is_none(), "it goes on");
+    press(&mut harness, Key::Escape);
+    assert!(harness.query_by_label_contains("12.0 s simulated").is_none());
+    // Before its end a run has none.
+    harness.state_mut().run_state.outcome = None;
+    click(&mut harness, "Panels");
+    harness.get_by_label_contains("Show the result of the run").click();
+    harness.run_steps(3);
+    assert!(harness.query_by_label("Throughput").is_none());
 }
 
 #[test]
@@ -493,6 +527,56 @@ fn names_times_and_work_do_not_move_the_bar() {
         assert_eq!(signs, if loading.is_some() { 2 } else { 0 });
     }
     assert!(places.iter().all(|place| *place == places[0]), "{places:?}");
+}
+
+#[test]
+fn at_the_usual_width_the_bar_has_one_row_whatever_the_light_is() {
+    let mut harness = with(6);
+    let mut before = None;
+    for (hours, weather) in [(12.0, Weather::Clear), (16.5, Weather::Rain), (8.0, Weather::Fog)] {
+        let look = &mut harness.state_mut().state.look;
+        (look.hours, look.weather) = (hours, weather);
+        harness.run_steps(3);
+        let [start, help] = ["\u{25b6} Start", "Help"].map(|label| harness.get_by_label(label).rect());
+        assert!((start.center().y - help.center().y).abs() < 4.0, "{hours}: {help:?}");
+        assert!(before.is_none_or(|before| before == help), "nothing moves");
+        before = Some(help);
+    }
+}
+
+#[test]
+fn the_list_of_the_light_has_the_weather_in_sight() {
+    let mut harness = with(6);
+    harness.get_by_value("noon").click();
+    harness.run_steps(5);
+    for label in ["morning", "night", "clear", "rain", "fog"] {
+        let entries = harness.get_all_by_label(label).map(|entry| entry.rect());
+        let is_in_sight = |rect: &egui::Rect| harness.ctx.content_rect().contains_rect(*rect);
+        let rects: Vec<_> = entries.collect();
+        assert!(rects.iter().any(is_in_sight), "{label}: {rects:?}");
+    }
+    let fog = harness.get_by_label("fog").rect().center();
+    super::city::click_at(&mut harness, fog, 1);
+    harness.run_steps(2);
+    assert_eq!(harness.state().state.look.weather, Weather::Fog);
+}
+
+#[test]
+fn who_means_to_pause_at_the_end_of_the_run_does_not_continue_it() {
+    let mut desk = finished();
+    desk.run_state.phase = RunPhase::Running;
+    let mut harness = harness(desk);
+    let orders = |harness: &mut Harness<'static, Desk>| std::mem::take(&mut harness.state_mut().actions);
+    harness.state_mut().run_state.phase = RunPhase::Over;
+    harness.step();
+    harness.key_press(Key::Space);
+    harness.step();
+    assert_eq!(orders(&mut harness), []);
+    let said = harness.state().state.notice.clone().unwrap().0;
+    assert_eq!(said, "The run has just come to its end. Continue beyond it (Space)");
+    harness.run_steps(20);
+    press(&mut harness, Key::Space);
+    assert_eq!(orders(&mut harness), [UiAction::Order(Order::Start)]);
 }
 
 #[test]

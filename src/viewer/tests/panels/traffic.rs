@@ -1,13 +1,13 @@
 //! The panel Traffic: what a run costs while it goes on, and the space-time diagram.
 
-use super::city::texts;
+use super::city::{has_text, texts};
 use super::desk::{Desk, Recording, click, harness, present, press};
 use city3d_protocol::snapshot::VehicleId;
 use city3d_session::TrafficRecorder;
 use city3d_session::playback::Playhead;
 use city3d_simulation::runner::Run;
 use city3d_simulation::scenario::{Library, Overrides, read_experiment};
-use city3d_viewer::ui::{ChartKind, LiveTraffic, PastView};
+use city3d_viewer::ui::{ChartKind, LiveTraffic, PastView, SpeedUnit};
 use egui_kittest::kittest::Queryable;
 use std::sync::Arc;
 
@@ -39,7 +39,8 @@ fn the_panel_has_the_numbers_of_the_run() {
         "City",
         "Measured from 0.0 s to 15.0 s.",
         "Least time to collision",
-        "Fuel, cruise term",
+        "Fuel, none while braking",
+        "Fuel, also while braking",
     ] {
         assert!(harness.query_by_label(label).is_some(), "{label}");
     }
@@ -65,9 +66,15 @@ fn the_diagram_is_that_of_the_selected_vehicle() {
     assert!(harness.query_by_label(hint).is_none());
     harness.get_by_label("Space-time diagram: the way of 1 path1_a");
     // Its lines have names, and its bands are explained.
-    harness.set_size(egui::vec2(1280.0, 1400.0));
+    harness.set_size(egui::vec2(1280.0, 2000.0));
     harness.run_steps(4);
     harness.get_by_label("conflict zone: merge");
+    for axis in ["Time before now [s]", "Position from its front [m, full scale]"] {
+        assert!(has_text(&harness, axis), "{:?}", texts(&harness));
+    }
+    harness.state_mut().state.preferences.units = SpeedUnit::LabMetrePerSecond;
+    harness.run_steps(3);
+    assert!(has_text(&harness, "Position from its front [m, laboratory]"));
     let names = texts(&harness).into_iter().filter(|text| text == "1 path1_a" || text == "2 path1_b");
     // In the label over the city and in the diagram.
     assert_eq!(names.count(), 4, "{:?}", texts(&harness));

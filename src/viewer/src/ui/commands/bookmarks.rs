@@ -5,7 +5,8 @@ use crate::ui::Flight;
 use egui::Key;
 
 registry!(
-    GO_TO_1 = Command::always("Go to bookmark 1", &[ctrl(Key::Num1)], |c| recall(c, 1)),
+    GO_TO_1 =
+        Command::always("Go to bookmark 1", &[ctrl(Key::Num1)], |c| recall(c, 1)).known_as("camera view"),
     GO_TO_2 = Command::always("Go to bookmark 2", &[ctrl(Key::Num2)], |c| recall(c, 2)),
     GO_TO_3 = Command::always("Go to bookmark 3", &[ctrl(Key::Num3)], |c| recall(c, 3)),
     GO_TO_4 = Command::always("Go to bookmark 4", &[ctrl(Key::Num4)], |c| recall(c, 4)),
@@ -14,7 +15,8 @@ registry!(
     GO_TO_7 = Command::always("Go to bookmark 7", &[ctrl(Key::Num7)], |c| recall(c, 7)),
     GO_TO_8 = Command::always("Go to bookmark 8", &[ctrl(Key::Num8)], |c| recall(c, 8)),
     GO_TO_9 = Command::always("Go to bookmark 9", &[ctrl(Key::Num9)], |c| recall(c, 9)),
-    SET_1 = Command::always("Set bookmark 1", &[ctrl(Key::Num1).with_shift()], |c| set(c, 1)),
+    SET_1 = Command::always("Set bookmark 1", &[ctrl(Key::Num1).with_shift()], |c| set(c, 1))
+        .known_as("camera view save"),
     SET_2 = Command::always("Set bookmark 2", &[ctrl(Key::Num2).with_shift()], |c| set(c, 2)),
     SET_3 = Command::always("Set bookmark 3", &[ctrl(Key::Num3).with_shift()], |c| set(c, 3)),
     SET_4 = Command::always("Set bookmark 4", &[ctrl(Key::Num4).with_shift()], |c| set(c, 4)),

@@ -5,23 +5,31 @@ use crate::ui::CameraMode;
 use egui::Key;
 
 registry!(
-    ORBIT = Command::always("Orbit camera", &[key(Key::Num1)], |c| c.state.set_mode(CameraMode::Orbit)),
-    CHASE = Command::always("Chase camera", &[key(Key::Num2)], |c| c.state.set_mode(CameraMode::Chase)),
-    ONBOARD = Command::always("Onboard camera", &[key(Key::Num3)], |c| c.state.set_mode(CameraMode::Onboard)),
+    ORBIT = Command::always("Orbit camera", &[key(Key::Num1)], |c| c.state.set_mode(CameraMode::Orbit))
+        .known_as("camera 1 view"),
+    CHASE = Command::always("Chase camera", &[key(Key::Num2)], |c| c.state.set_mode(CameraMode::Chase))
+        .known_as("camera 2 view behind third person"),
+    ONBOARD = Command::always("Onboard camera", &[key(Key::Num3)], |c| c.state.set_mode(CameraMode::Onboard))
+        .known_as("camera 3 view driver windscreen first person"),
     OVERHEAD =
-        Command::always("Overhead camera", &[key(Key::Num4)], |c| c.state.set_mode(CameraMode::Overhead)),
-    FREE = Command::always("Free camera", &[key(Key::Num5)], |c| c.state.set_mode(CameraMode::Free)),
+        Command::always("Overhead camera", &[key(Key::Num4)], |c| c.state.set_mode(CameraMode::Overhead))
+            .known_as("camera 4 view top above bird map"),
+    FREE = Command::always("Free camera", &[key(Key::Num5)], |c| c.state.set_mode(CameraMode::Free))
+        .known_as("camera 5 view fly"),
     FRAME_SELECTED = Command::always("Frame the selected vehicle", &[key(Key::Z)], |c| {
         let selected = c.state.selection.vehicle;
         match selected.and_then(|id| c.shown.interpolated.vehicle(id)) {
             Some(vehicle) => c.state.viewpoint.frame(vehicle),
             None => c.state.viewpoint.frame_all(c.shown.interpolated),
         }
-    }),
+    })
+    .known_as("zoom centre focus"),
     FRAME_ALL = Command::always("Frame all vehicles", &[shift(Key::Z)], |c| {
         c.state.viewpoint.frame_all(c.shown.interpolated);
-    }),
-    FRAME_CITY = Command::always("Frame the whole city", &[], |c| c.state.viewpoint.frame_city(c.shown.map)),
+    })
+    .known_as("zoom fit overview reset camera"),
+    FRAME_CITY = Command::always("Frame the whole city", &[], |c| c.state.viewpoint.frame_city(c.shown.map))
+        .known_as("zoom fit overview"),
 );
 
 /// The action of each camera mode, in the order of [`CameraMode::ALL`].

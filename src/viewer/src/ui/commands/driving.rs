@@ -10,6 +10,7 @@ registry!(
     TAKE_CONTROL = Command::always("Take control of the selected vehicle", &[key(Key::Enter)], |c| {
         c.actions.extend(c.state.selection.vehicle.map(UiAction::Drive));
     })
+    .known_as("drive steer manual by hand")
     .only(|state, shown| match (&state.driving, &shown.replay) {
         (None, None) => with_selection(state, shown),
         _ => Availability::Never,
@@ -18,6 +19,7 @@ registry!(
     RELEASE = Command::always("Release the vehicle that you drive", &[key(Key::Enter)], |c| {
         c.actions.push(UiAction::GiveBack);
     })
+    .known_as("give back stop driving autopilot")
     .only(is_driving)
     .within(SEAT),
     REVERSE =
@@ -42,6 +44,7 @@ registry!(
     CONTROLLERS = Command::always("Gamepad and steering wheel", &[key(Key::F2)], |c| {
         c.state.open.controllers = !c.state.open.controllers;
     })
+    .known_as("joystick pedals calibrate")
     .only(is_live)
     .within(NOT_PLAYED),
 );

@@ -11,21 +11,25 @@ registry!(
         let action = if c.shown.edit.is_some() { EditAction::End } else { EditAction::Begin };
         push(c, action);
     })
+    .known_as("editor change create")
     .only(may_edit)
     .within(NOT_PLAYED),
     ADD = Command::always("Add a vehicle: click its lane", &[key(Key::Insert)], |c| {
         editing::choose(c.state, EditTool::AddVehicle);
     })
+    .known_as("car insert new")
     .only(is_editing)
     .within(Scope::EDITING),
     OBSTACLE = Command::always("Add an obstacle: click where a vehicle is parked", &[key(Key::O)], |c| {
         editing::choose(c.state, EditTool::AddObstacle);
     })
+    .known_as("parked car block")
     .only(is_editing)
     .within(Scope::EDITING),
     ROUTE = Command::always("Draw the route of the selected vehicle", &[key(Key::T)], |c| {
         editing::choose(c.state, EditTool::DrawRoute);
     })
+    .known_as("path lanes")
     .only(has_stated)
     .within(Scope::EDITING),
     REMOVE = Command::always("Remove the selected vehicle from the scenario", &[key(Key::Delete)], |c| {
@@ -33,13 +37,16 @@ registry!(
             push(c, EditAction::Remove(id));
         }
     })
+    .known_as("delete car")
     .only(has_stated)
     .within(Scope::EDITING),
     UNDO = Command::always("Undo", &[ctrl(Key::Z)], |c| push(c, EditAction::Undo))
-        .only(|_, shown| { Availability::when(shown.edit.as_ref().is_some_and(|edit| edit.can_undo)) })
+        .only(|_, shown| {
+            Availability::when(shown.edit.as_ref().is_some_and(|edit| edit.undoes.is_some()))
+        })
         .within(Scope::EDITING),
     REDO = Command::always("Redo", &[ctrl(Key::Z).with_shift(), ctrl(Key::Y)], |c| push(c, EditAction::Redo))
-        .only(|_, shown| Availability::when(shown.edit.as_ref().is_some_and(|edit| edit.can_redo)))
+        .only(|_, shown| Availability::when(shown.edit.as_ref().is_some_and(|edit| edit.redoes.is_some())))
         .within(Scope::EDITING),
     SAVE = Command::always("Save the scenario", &[ctrl(Key::S)], |c| push(c, EditAction::Save))
         .only(is_editing)
@@ -47,9 +54,11 @@ registry!(
     SAVE_AS = Command::always("Save the scenario as another file", &[ctrl(Key::S).with_shift()], |c| {
         c.state.runs.browse(FilePurpose::SaveScenario { runs: false });
     })
+    .known_as("export copy")
     .only(is_editing)
     .within(Scope::EDITING),
     RUN = Command::always("Save the scenario and run it", &[key(Key::F5)], |c| push(c, EditAction::Run))
+        .known_as("start simulate")
         .only(|state, shown| match (&shown.edit, is_editing(state, shown)) {
             (Some(edit), _) if edit.is_checking =>
                 Availability::After(Hint::new("The scenario is still being checked.")),

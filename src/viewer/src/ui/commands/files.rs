@@ -2,28 +2,66 @@
 
 use super::{Availability, Command, Hint, ctrl, registry};
 use crate::ui::runs::{FilePurpose, ONLY_LOCAL};
-use crate::ui::{CityKind, UiAction, UiState, ViewModel};
+use crate::ui::{CityKind, ShownTime, UiAction, UiState, ViewModel};
+use city3d_session::playback::PlaybackCommand;
 use egui::Key;
 
 registry!(
     OPEN = Command::always("Open a scenario, a map or a log", &[ctrl(Key::O)], |c| {
         c.state.runs.browse(FilePurpose::Open);
     })
+    .known_as("load import file replay recording")
     .only(is_local),
     START_PAGE = Command::always("Start page: scenarios, recent files, recorded runs", &[], |c| {
         c.state.runs.start_page.open();
     })
+    .known_as("home examples load replay seed environment ideal testbed duration")
     .only(is_local),
     COMPARE = Command::always("Compare with another recorded run", &[], |c| {
         c.state.runs.comparison.choose();
     })
+    .known_as("difference results summaries side by side")
     .only(is_local),
     RUN_AGAIN = Command::always("Run the scenario again", &[], |c| c.actions.push(UiAction::RunAgain(None)))
+        .known_as("seed restart repeat")
         .only(may_run_again),
+    RESULT = Command::always("Show the result of the run", &[], |c| {
+        if c.timeline.shown == ShownTime::Past {
+            c.play(PlaybackCommand::Live);
+        }
+        c.state.runs.comparison.close();
+        c.state.runs.end_card.open(c.shown.run_state.run);
+    })
+    .known_as("summary results outcome report statistics end card finished seed")
+    .only(has_result),
+    REPLAY = Command::always("Replay the run from its log", &[], |c| c.actions.push(UiAction::Replay))
+        .known_as("playback recording watch again")
+        .only(has_log),
 );
 
 fn is_local(_: &UiState, shown: &ViewModel<'_>) -> Availability {
     if shown.city == CityKind::Local { Availability::Now } else { Availability::After(Hint::new(ONLY_LOCAL)) }
+}
+
+/// A run of this window has a result once it has come to the end of its scenario.
+fn has_result(_: &UiState, shown: &ViewModel<'_>) -> Availability {
+    match (shown.city, &shown.replay, &shown.run_state.outcome) {
+        (CityKind::Local, None, Some(_)) => Availability::Now,
+        (CityKind::Local, None, None) => {
+            Availability::After(Hint::new("The run has a result once it has come to the end of its scenario"))
+        }
+        _ => Availability::Never,
+    }
+}
+
+fn has_log(_: &UiState, shown: &ViewModel<'_>) -> Availability {
+    match (shown.city, &shown.replay, &shown.run_state.folder) {
+        (CityKind::Local, None, Some(_)) => Availability::Now,
+        (CityKind::Local, None, None) => {
+            Availability::After(Hint::new("The run has no log: it is not recorded"))
+        }
+        _ => Availability::Never,
+    }
 }
 
 fn may_run_again(_: &UiState, shown: &ViewModel<'_>) -> Availability {

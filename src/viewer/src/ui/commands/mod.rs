@@ -32,6 +32,8 @@ use egui::{Context, Key, Modifiers};
 pub struct Command {
     /// What it does: an imperative, in the words of the field.
     pub name: &'static str,
+    /// Other usual words for it, which the palette finds it by.
+    pub known_as: &'static str,
     /// Keys that run it until the user assigns others; the first one is shown.
     pub usual_keys: &'static [Shortcut],
     /// A held key runs it again and again.
@@ -154,7 +156,7 @@ pub static SECTIONS: [Section; 10] = [
 pub use camera::{CAMERA_KEYS, MODES as CAMERA_MODES};
 pub use driving::{CONTROLLERS, DRIVING_KEYS, INDICATE_LEFT, INDICATE_RIGHT, RELEASE, REVERSE, TAKE_CONTROL};
 pub use editing::{EDIT, EDITING};
-pub use files::OPEN;
+pub use files::{OPEN, RESULT};
 pub use look::{LARGER, SMALLER};
 pub use panels::{
     CAMERAS, EVENTS, HELP, LABELS, MAP, MENU as PANEL_MENU, PALETTE, SCREENSHOT, SETTINGS, VIDEO,
@@ -162,7 +164,7 @@ pub use panels::{
 };
 pub use run::{FASTER, REAL_TIME, RESET, SLOWER, START_OR_PAUSE, STEP};
 pub use time::{
-    GRAVE_EVENT, LEAP_BACK, LEAP_FORWARD, NEXT_EVENT, PLAY_BACKWARD, PLAY_OR_PAUSE, PREVIOUS_EVENT,
+    DRIVES, GRAVE_EVENT, LEAP_BACK, LEAP_FORWARD, NEXT_EVENT, PLAY_BACKWARD, PLAY_OR_PAUSE, PREVIOUS_EVENT,
     REPLAY_FASTER, REPLAY_SLOWER, STEP_BACK, STEP_FORWARD, TO_END, TO_START,
 };
 pub use vehicles::{FOLLOW, PREVIEW};
@@ -181,6 +183,7 @@ impl Command {
     ) -> Self {
         Self {
             name,
+            known_as: "",
             usual_keys,
             repeats: false,
             is_in_dialogs: false,
@@ -189,6 +192,11 @@ impl Command {
             is_available: |_, _| Availability::Now,
             run,
         }
+    }
+
+    /// The same, but found by these words, too.
+    const fn known_as(self, known_as: &'static str) -> Self {
+        Self { known_as, ..self }
     }
 
     /// The same, but available only where the function says so.

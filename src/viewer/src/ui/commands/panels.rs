@@ -8,29 +8,40 @@ registry!(
     PALETTE = Command::always("Find an action", &[ctrl(Key::P)], |c| c.state.palette.open()),
     HELP = Command::always("Help: all keys and statuses", &[key(Key::F1), key(Key::Questionmark)], |c| {
         c.state.open.help = !c.state.open.help;
-    }),
+    })
+    .known_as("shortcuts manual documentation"),
     VEHICLES = Command::always("Show or hide the table of vehicles", &[ctrl(Key::B)], |c| {
         c.state.open.vehicles = !c.state.open.vehicles;
-    }),
-    CAMERAS = Command::always("Show or hide the cameras", &[ctrl(Key::B).with_shift()], cameras),
+    })
+    .known_as("cars list"),
+    CAMERAS = Command::always("Show or hide the cameras", &[ctrl(Key::B).with_shift()], cameras)
+        .known_as("previews camera pictures sensors"),
     EVENTS = Command::always("List of events", &[key(Key::F3)], |c| {
         c.state.open.events = !c.state.open.events;
-    }),
+    })
+    .known_as("collisions crashes jump history"),
     TRAFFIC = Command::always("Traffic: delay, safety, space-time diagram", &[key(Key::F4)], |c| {
         c.state.open.traffic = !c.state.open.traffic;
-    }),
+    })
+    .known_as("queue throughput flow fuel energy stops metrics statistics"),
     LAYERS = Command::always("Layers: overlays of the city", &[], |c| {
         c.state.open.layers = !c.state.open.layers;
-    }),
+    })
+    .known_as("labels lanes routes display"),
     SETTINGS = Command::always("Settings: theme, size, units", &[ctrl(Key::Comma)], |c| {
         c.state.open.settings = !c.state.open.settings;
-    }),
+    })
+    .known_as("preferences options dark light language"),
     KEYS = Command::always("Settings: assign keys", &[], |c| {
         (c.state.open.settings, c.state.settings_page) = (true, SettingsPage::Keys);
-    }),
-    SECOND_VIEW = Command::always("Show or hide a second view of the city", &[], |c| view(c, 0)),
-    THIRD_VIEW = Command::always("Show or hide a third view of the city", &[], |c| view(c, 1)),
-    RESTORE_LAYOUT = Command::always("Restore the layout", &[], |c| c.state.restore_layout()),
+    })
+    .known_as("shortcuts bindings"),
+    SECOND_VIEW = Command::always("Show or hide a second view of the city", &[], |c| view(c, 0))
+        .known_as("split camera window"),
+    THIRD_VIEW = Command::always("Show or hide a third view of the city", &[], |c| view(c, 1))
+        .known_as("split camera window"),
+    RESTORE_LAYOUT = Command::always("Restore the layout", &[], |c| c.state.restore_layout())
+        .known_as("reset windows panels default"),
     FLOAT_VEHICLES =
         Command::always("Float or dock the table of vehicles", &[], |c| float(c, Panel::Vehicles)),
     FLOAT_CAMERAS = Command::always("Float or dock the cameras", &[], |c| float(c, Panel::Cameras)),
@@ -50,10 +61,12 @@ registry!(
     INSPECTOR =
         Command::always("Inspector: why the selected vehicle does what it does", &[key(Key::I)], |c| {
             c.state.open.inspector = !c.state.open.inspector;
-        }),
+        })
+        .known_as("reason details yield"),
     LABELS = Command::always("Show or hide labels over vehicles", &[key(Key::L)], |c| {
         c.state.layers.labels = !c.state.layers.labels;
-    }),
+    })
+    .known_as("names"),
     MAP = Command::always("Show or hide the map", &[key(Key::M)], |c| {
         c.state.layers.map = !c.state.layers.map;
     }),
@@ -69,26 +82,32 @@ registry!(
     }),
     CONTROL_ZONES = Command::always("Show or hide control zones", &[], |c| {
         c.state.layers.control_zones = !c.state.layers.control_zones;
-    }),
+    })
+    .known_as("coordination"),
     PLANS = Command::always("Show or hide plans of coordinated vehicles", &[], |c| {
         c.state.layers.plans = !c.state.layers.plans;
-    }),
+    })
+    .known_as("coordination"),
     CHARTS = Command::always("Charts of several vehicles", &[key(Key::F6)], |c| {
         c.state.open.charts = !c.state.open.charts;
-    }),
+    })
+    .known_as("plot graph figure diagram speed acceleration"),
     VIDEO = Command::always("Record a video, or end it", &[key(Key::F9)], |c| {
         video(c, VideoKind::AsSeen);
-    }),
+    })
+    .known_as("export film movie mp4"),
     VIDEO_SUBJECT = Command::always("Switch videos between the whole window and the city alone", &[], |c| {
         c.state.video_subject = c.state.video_subject.other();
     }),
     TIME_LAPSE = Command::always("Record a time-lapse", &[], |c| {
         video(c, VideoKind::TimeLapse { every_s: c.state.lapse_s });
     })
+    .known_as("export film video")
     .only(|_, shown| Availability::when(shown.video.is_none())),
     SAVE_CHART = Command::always("Save the chart as SVG, PNG and CSV", &[], |c| {
         c.actions.push(UiAction::SaveChart);
     })
+    .known_as("export plot figure")
     .only(|state, _| match state.open.charts {
         true => Availability::Now,
         false => Availability::After(Hint::by("Open the charts first", &CHARTS)),
@@ -96,10 +115,12 @@ registry!(
     BOXES = Command::always("Show or hide boxes", &[], |c| c.state.layers.boxes = !c.state.layers.boxes),
     TRACKS = Command::always("Show or hide driven paths", &[], |c| {
         c.state.layers.tracks = !c.state.layers.tracks;
-    }),
+    })
+    .known_as("trajectory trail"),
     PATH = Command::always("Show or hide the way ahead", &[], |c| {
         c.state.layers.path = !c.state.layers.path;
-    }),
+    })
+    .known_as("trajectory"),
     GAPS = Command::always("Show or hide gaps and headways", &[], |c| {
         c.state.layers.gaps = !c.state.layers.gaps;
     }),
@@ -108,13 +129,15 @@ registry!(
     }),
     FRUSTA = Command::always("Show or hide what cameras see", &[], |c| {
         c.state.layers.frusta = !c.state.layers.frusta;
-    }),
+    })
+    .known_as("field of view"),
     LEGEND = Command::always("Show or hide the legend", &[], |c| {
         c.state.layers.legend = !c.state.layers.legend;
     }),
     RULERS = Command::always("Show or hide scale, north and place under the mouse", &[], |c| {
         c.state.layers.rulers = !c.state.layers.rulers;
-    }),
+    })
+    .known_as("coordinates compass"),
     COLOUR_STATUS = Command::always("Colour labels by status", &[], |c| {
         c.state.layers.colour = ColourBy::Status;
     }),
@@ -124,12 +147,16 @@ registry!(
     COLOUR_WAITING = Command::always("Colour labels by waiting time", &[], |c| {
         c.state.layers.colour = ColourBy::Waiting;
     }),
-    MEASURE = Command::always("Measure lengths", &[], |c| c.state.measure.begin(None)),
+    MEASURE =
+        Command::always("Measure lengths", &[], |c| c.state.measure.begin(None)).known_as("distance ruler"),
     SCREENSHOT = Command::always("Save a screenshot", &[key(Key::F12)], |c| {
         c.actions.push(UiAction::Screenshot);
     })
+    .known_as("export picture image photo")
     .in_dialogs(),
-    QUIT = Command::always("Quit", &[ctrl(Key::Q)], |c| c.actions.push(UiAction::Quit)).in_dialogs(),
+    QUIT = Command::always("Quit", &[ctrl(Key::Q)], |c| c.actions.push(UiAction::Quit))
+        .known_as("exit close")
+        .in_dialogs(),
 );
 
 /// The other large views, which the menu lists, too.

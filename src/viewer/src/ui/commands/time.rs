@@ -13,20 +13,24 @@ registry!(
     PLAY_OR_PAUSE = Command::always("Play or pause", &[key(Key::Space)], |c| {
         with_head(c, |head| if head.is_playing { PlaybackCommand::Pause } else { PlaybackCommand::Play });
     })
+    .known_as("replay playback resume stop")
     .only(is_played)
     .within(Scope::PLAYED),
     PLAY_BACKWARD = Command::always("Play backward", &[key(Key::J)], |c| c.play(PlaybackCommand::Reverse))
+        .known_as("replay reverse rewind")
         .only(looks_back)
         .within(WATCHING),
     STEP_BACK = Command::always("One recorded step back", &[key(Key::Comma)], |c| {
         c.play(PlaybackCommand::Step { forward: false });
     })
+    .known_as("frame tick")
     .only(looks_back)
     .within(WATCHING)
     .repeating(),
     STEP_FORWARD = Command::always("One recorded step forward", &[key(Key::Period), key(Key::N)], |c| {
         c.play(PlaybackCommand::Step { forward: true });
     })
+    .known_as("frame tick advance")
     .only(is_played)
     .within(Scope::PLAYED)
     .repeating(),
@@ -46,6 +50,7 @@ registry!(
         Command::always("Go to the previous event", &[key(Key::OpenBracket), shift(Key::ArrowLeft)], |c| {
             to_event(c, false);
         })
+        .known_as("jump")
         .only(looks_back)
         .within(WATCHING)
         .repeating(),
@@ -53,12 +58,14 @@ registry!(
         Command::always("Go to the next event", &[key(Key::CloseBracket), shift(Key::ArrowRight)], |c| {
             to_event(c, true);
         })
+        .known_as("jump")
         .only(is_played)
         .within(Scope::PLAYED)
         .repeating(),
     TO_START = Command::always("Go to the start", &[key(Key::Home)], |c| {
         with_head(c, |head| PlaybackCommand::Seek(head.from_s));
     })
+    .known_as("replay from the beginning rewind")
     .only(looks_back)
     .within(WATCHING),
     TO_END = Command::always("Go to the end, or back to the present", &[key(Key::End)], |c| {
@@ -67,6 +74,7 @@ registry!(
             _ => with_head(c, |head| PlaybackCommand::Seek(head.to_s)),
         }
     })
+    .known_as("live now")
     .only(is_played)
     .within(Scope::PLAYED),
     GRAVE_EVENT = Command::always("Go to the last collision, long stop or lost link", &[key(Key::G)], |c| {
@@ -74,6 +82,7 @@ registry!(
             c.play(command);
         }
     })
+    .known_as("jump crash accident")
     .only(|state, shown| match state.events.last_grave(shown.events) {
         Some(_) => looks_back(state, shown),
         None => {
@@ -86,18 +95,24 @@ registry!(
     REPLAY_FASTER = Command::always("Play faster", &[key(Key::Plus), key(Key::Equals)], |c| {
         with_head(c, |head| PlaybackCommand::Speed(head.other_speed(true)));
     })
+    .known_as("replay speed")
     .only(is_played)
     .within(Scope::PLAYED),
     REPLAY_SLOWER = Command::always("Play slower", &[key(Key::Minus)], |c| {
         with_head(c, |head| PlaybackCommand::Speed(head.other_speed(false)));
     })
+    .known_as("replay speed slow motion")
     .only(is_played)
     .within(Scope::PLAYED),
     WHOLE_RUN = Command::always("Show the whole run on the timeline", &[], |c| {
         c.state.section = TimelineRange::default();
     })
+    .known_as("zoom out")
     .only(|state, _| Availability::when(state.section != TimelineRange::default())),
 );
+
+/// Why who drives does not look at the past.
+pub const DRIVES: Hint = Hint::by("You drive: release the vehicle to look at the past", &RELEASE);
 
 /// Use of the mouse.
 pub const GESTURES: &[(&str, &str)] = &[
@@ -114,9 +129,7 @@ fn is_played(_: &UiState, shown: &ViewModel<'_>) -> Availability {
 /// Available in the present, too; who drives has to see it.
 fn looks_back(state: &UiState, _: &ViewModel<'_>) -> Availability {
     match state.driving {
-        Some(_) => {
-            Availability::After(Hint::by("You drive: release the vehicle to look at the past", &RELEASE))
-        }
+        Some(_) => Availability::After(DRIVES),
         None => Availability::Now,
     }
 }

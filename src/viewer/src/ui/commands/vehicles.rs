@@ -15,6 +15,7 @@ registry!(
         let followed = selected.filter(|_| followed != selected);
         c.state.viewpoint.follow(followed.and_then(|id| c.shown.interpolated.vehicle(id)));
     })
+    .known_as("track camera")
     .only(|state, shown| match state.viewpoint.follow {
         Some(_) => Availability::Now,
         None => with_selection(state, shown),
@@ -24,6 +25,7 @@ registry!(
             c.state.toggle_preview(vehicle);
         }
     })
+    .known_as("camera 1 picture sensor video")
     .only(with_selection),
     CLOSE = Command::always(
         "Close what is open; then release, then deselect the vehicle",

@@ -2,6 +2,7 @@
 //! scenario is checked.
 
 mod detour;
+mod detouring;
 mod fields;
 mod form;
 mod panel;
@@ -15,6 +16,7 @@ pub(super) use unplaced::pick;
 use super::{UiAction, UiState};
 use city3d_protocol::snapshot::VehicleId;
 use city3d_simulation::scenario::{StatedVehicle, VehicleEdit};
+use detouring::DetouringVehicles;
 use std::path::{Path, PathBuf};
 
 /// The scenario that is edited.
@@ -34,10 +36,10 @@ pub struct EditView<'a> {
     pub is_checking: bool,
     /// It differs from the file.
     pub is_changed: bool,
-    /// There is a change to undo.
-    pub can_undo: bool,
-    /// There is a change to redo.
-    pub can_redo: bool,
+    /// The change that can be undone, in words.
+    pub undoes: Option<&'a str>,
+    /// The change that can be made again, in words.
+    pub redoes: Option<&'a str>,
     /// Where it is saved; a shipped scenario has no file yet.
     pub file: Option<&'a Path>,
     /// Its name for the user.
@@ -126,6 +128,8 @@ pub struct EditState {
     name: Option<(VehicleId, String)>,
     /// The description that is being typed.
     description: Option<String>,
+    /// Who goes a long way round.
+    detours: DetouringVehicles,
 }
 
 impl EditState {

@@ -38,7 +38,8 @@ pub fn show(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>, actions: &m
         }
     });
     ui.separator();
-    ScrollArea::vertical().id_salt("problems").auto_shrink(false).show(ui, |ui| problems(ui, edit));
+    let detours = state.editing.detours.names(shown.map, edit);
+    ScrollArea::vertical().id_salt("problems").auto_shrink(false).show(ui, |ui| problems(ui, edit, detours));
 }
 
 /// What the card of the scenario says of it.
@@ -60,11 +61,16 @@ fn file(ui: &mut Ui, state: &mut UiState, edit: &EditView<'_>, actions: &mut Vec
     ui.add(egui::Label::new(RichText::new(format!("{}{mark}", edit.name)).strong()).truncate())
         .on_hover_text(place);
     ui.horizontal_wrapped(|ui| {
-        if enabled(ui, edit.can_undo, "Undo", EDITING.undo) {
-            push(actions, EditAction::Undo);
-        }
-        if enabled(ui, edit.can_redo, "Redo", EDITING.redo) {
-            push(actions, EditAction::Redo);
+        for (text, change, command, action) in [
+            ("Undo", edit.undoes, EDITING.undo, EditAction::Undo),
+            ("Redo", edit.redoes, EDITING.redo, EditAction::Redo),
+        ] {
+            let button = ui.add_enabled(change.is_some(), Button::new(text));
+            let tip = command.tip(ui.ctx(), &format!("{text}: {}", change.unwrap_or_default()));
+            let none = format!("There is nothing to {}", text.to_lowercase());
+            if button.on_hover_text(tip).on_disabled_hover_text(none).clicked() {
+                push(actions, action);
+            }
         }
         if enabled(ui, edit.is_changed || edit.file.is_none(), "Save", EDITING.save) {
             push(actions, EditAction::Save);
@@ -117,11 +123,16 @@ fn tools(ui: &mut Ui, state: &mut UiState, edit: &EditView<'_>, actions: &mut Ve
     ui.small("Drag a vehicle to move its start.");
 }
 
-fn problems(ui: &mut Ui, edit: &EditView<'_>) {
+fn problems(ui: &mut Ui, edit: &EditView<'_>, detours: &[String]) {
     let count = edit.vehicles.len();
     let vehicles = if count == 1 { "1 vehicle" } else { &format!("{count} vehicles") };
     if edit.is_checking {
         ui.label(RichText::new(format!("Checking {vehicles} ...")).weak());
+    } else if edit.problems.is_empty() && !detours.is_empty() {
+        let text = format!("\u{26a0} {vehicles}, can be run; a long way round: {}", detours.join(", "));
+        let text = RichText::new(text).color(ui.visuals().warn_fg_color);
+        let tip = "Select the vehicle: its route below tells which way is long";
+        ui.add(egui::Label::new(text).truncate()).on_hover_text(format!("{}\n{tip}", detours.join(", ")));
     } else if edit.problems.is_empty() {
         ui.label(format!("\u{2714} {vehicles}, no problems"));
     }

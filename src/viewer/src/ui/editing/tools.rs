@@ -8,7 +8,7 @@ use crate::ui::{UiAction, UiState, ViewModel};
 use city3d_protocol::snapshot::VehicleId;
 use city3d_render::Overlay;
 use city3d_roadmap::LaneId;
-use egui::{PointerButton, Pos2, Response};
+use egui::{PointerButton, Pos2, Rect, Response};
 use glam::DVec2;
 
 /// Starts are stated to this part of a laboratory metre.
@@ -111,9 +111,14 @@ pub fn add_overlay(to: &mut Overlay, state: &UiState, shown: &ViewModel<'_>, gro
     overlay::disc(to, foot, 0.9, overlay::paint(overlay::EDITED, 1.0));
 }
 
-/// Names the vehicles that cannot start, and writes what the next click does.
-pub fn paint(canvas: &Canvas<'_>, state: &UiState, shown: &ViewModel<'_>, ground: Option<DVec2>) {
-    let Some(edit) = &shown.edit else { return };
+/// Names the vehicles that cannot start, and writes what the next click does; returns where.
+pub fn paint(
+    canvas: &Canvas<'_>,
+    state: &UiState,
+    shown: &ViewModel<'_>,
+    ground: Option<DVec2>,
+) -> Option<Rect> {
+    let edit = shown.edit.as_ref()?;
     unplaced::paint(canvas, shown, edit);
     let selected = state.selection.vehicle.and_then(|id| edit.vehicle(id));
     let text = match (state.editing.tool, selected) {
@@ -133,7 +138,7 @@ pub fn paint(canvas: &Canvas<'_>, state: &UiState, shown: &ViewModel<'_>, ground
                 None => format!("Click the next lane of the route of {}. Esc ends", vehicle.name),
             }
         }
-        (EditTool::DrawRoute | EditTool::Select, _) => return,
+        (EditTool::DrawRoute | EditTool::Select, _) => return None,
     };
-    canvas.hint(text);
+    Some(canvas.hint(text))
 }

@@ -2,6 +2,7 @@
 
 use crate::ui::bar::{SPEEDS, speed_label};
 use crate::ui::commands::{self, Availability, Command, CommandContext, KeyMap};
+use crate::ui::events::named;
 use crate::ui::{UiAction, UiState, ViewModel};
 use city3d_protocol::snapshot::VehicleId;
 use city3d_session::{Order, Speed};
@@ -10,6 +11,8 @@ use city3d_session::{Order, Speed};
 #[derive(Clone, Debug)]
 pub(super) struct Entry {
     pub name: String,
+    /// Other words for it.
+    known_as: &'static str,
     /// Its first key, empty without one.
     pub key: String,
     pub availability: Availability,
@@ -20,6 +23,7 @@ pub(super) struct Entry {
 enum Deed {
     Command(&'static Command),
     Select(VehicleId),
+    Preview(VehicleId),
     Scenario(String),
     Speed(Speed),
 }
@@ -33,18 +37,20 @@ impl Entry {
                 context.state.selection.vehicle = Some(vehicle);
                 context.state.table.reveal = true;
             }
+            Deed::Preview(vehicle) => context.state.toggle_preview(vehicle),
             Deed::Scenario(name) => context.actions.push(UiAction::Scenario(name)),
             Deed::Speed(speed) => context.order(Order::Speed(speed)),
         }
     }
 
     fn choice(name: String, does: Deed) -> Self {
-        Self { name, key: String::new(), availability: Availability::Now, does }
+        Self { name, known_as: "", key: String::new(), availability: Availability::Now, does }
     }
 
     fn action(command: &'static Command, availability: Availability, keys: &KeyMap) -> Self {
         let key = keys.first(&command.binding());
-        Self { name: command.name.to_owned(), key, availability, does: Deed::Command(command) }
+        let known_as = command.known_as;
+        Self { name: command.name.to_owned(), known_as, key, availability, does: Deed::Command(command) }
     }
 }
 
@@ -57,7 +63,10 @@ pub(super) fn matching(words: &str, state: &UiState, shown: &ViewModel<'_>) -> V
     let choices = if words.is_empty() { Vec::new() } else { choices(state, shown) };
     let mut found: Vec<_> = actions
         .chain(choices)
-        .filter(|entry| words.split_whitespace().all(|word| entry.name.to_lowercase().contains(word)))
+        .filter(|entry| {
+            let text = format!("{} {}", entry.name, entry.known_as).to_lowercase();
+            words.split_whitespace().all(|word| text.contains(word))
+        })
         .filter(|entry| entry.availability != Availability::Never)
         .collect();
     found.sort_by_key(|entry| (rank(&entry.name, &words), entry.availability != Availability::Now));
@@ -66,9 +75,12 @@ pub(super) fn matching(words: &str, state: &UiState, shown: &ViewModel<'_>) -> V
 
 /// Every vehicle, speed and shipped scenario.
 fn choices(state: &UiState, shown: &ViewModel<'_>) -> Vec<Entry> {
-    let vehicles = shown.run_state.now.vehicles.iter().map(|vehicle| {
-        let name = shown.interpolated.info(vehicle.id).map_or_else(String::new, |info| info.name.clone());
-        Entry::choice(format!("Select {name}"), Deed::Select(vehicle.id))
+    let vehicles = shown.run_state.now.vehicles.iter().flat_map(|vehicle| {
+        let name = named(shown.names, vehicle.id);
+        [
+            Entry::choice(format!("Select {name}"), Deed::Select(vehicle.id)),
+            Entry::choice(format!("Open or close the camera of {name}"), Deed::Preview(vehicle.id)),
+        ]
     });
     // Neither a log nor a city elsewhere becomes another one.
     let has_others = shown.replay.is_none() && shown.run_state.link.is_none();
@@ -84,7 +96,8 @@ fn choices(state: &UiState, shown: &ViewModel<'_>) -> Vec<Entry> {
     vehicles.chain(scenarios).chain(speeds).collect()
 }
 
-/// How well a name matches: the whole, its beginning, beginnings of words, anything else.
+/// How well a name matches: the whole, its beginning, beginnings of words, anything else; last what has the words by
+/// another name.
 fn rank(name: &str, words: &str) -> u8 {
     let name = name.to_lowercase();
     let begins = |word: &str| name.split(|c: char| !c.is_alphanumeric()).any(|part| part.starts_with(word));
@@ -92,7 +105,8 @@ fn rank(name: &str, words: &str) -> u8 {
         () if name == words => 0,
         () if name.starts_with(words) => 1,
         () if words.split_whitespace().all(begins) => 2,
-        () => 3,
+        () if words.split_whitespace().all(|word| name.contains(word)) => 3,
+        () => 4,
     }
 }
 
@@ -102,8 +116,8 @@ mod tests {
 
     #[test]
     fn beginnings_of_words_come_before_what_lies_within_them() {
-        let ranks =
-            ["map", "Map of the city", "Show or hide the map", "Remap keys"].map(|name| rank(name, "map"));
-        assert_eq!(ranks, [0, 1, 2, 3]);
+        let ranks = ["map", "Map of the city", "Show or hide the map", "Remap keys", "Plan of the city"]
+            .map(|name| rank(name, "map"));
+        assert_eq!(ranks, [0, 1, 2, 3, 4]);
     }
 }

@@ -6,9 +6,12 @@ use super::fields::seed;
 use city3d_logbook::measures::RunMeasures;
 use city3d_protocol::snapshot::Status;
 use city3d_session::{Order, RunPhase};
-use city3d_simulation::measures::TrafficMeasures;
+use city3d_simulation::measures::{TrafficMeasures, TrafficReport};
 use egui::{Grid, RichText, TextEdit, Ui};
 
+/// In place of measures that a run does not have.
+const NO_THROUGHPUT: &str = "none: fewer than two arrivals counted";
+const NO_DELAY: &str = "none: no vehicle has a known way";
 /// Vehicles that drive less have not moved.
 const MOVES_M: f64 = 0.1;
 
@@ -17,6 +20,8 @@ const MOVES_M: f64 = 0.1;
 pub struct EndCard {
     /// The run whose card was closed.
     closed: Option<u32>,
+    /// The run whose card the user has asked for.
+    asked: Option<u32>,
     /// The run whose card is shown.
     shown: Option<u32>,
     /// The seed of the next run as it is typed, and the run after which it is.
@@ -29,17 +34,24 @@ impl EndCard {
         self.shown.is_some()
     }
 
+    /// Opens the card of a run again, also where it goes on beyond its end.
+    pub fn open(&mut self, run: u32) {
+        (self.asked, self.closed) = (Some(run), None);
+    }
+
     /// Closes it, until another run is finished.
     pub fn close(&mut self) {
+        self.asked = None;
         self.closed = self.shown.take().or(self.closed);
     }
 }
 
-/// Shows the card once the scenario's duration is over.
+/// Shows the card once the scenario's duration is over, and when it is asked for.
 pub(super) fn window(ui: &Ui, state: &mut UiState, shown: &ViewModel<'_>, actions: &mut Vec<UiAction>) {
     let run_state = shown.run_state;
-    let is_finished =
-        run_state.phase == RunPhase::Over && shown.city == CityKind::Local && shown.replay.is_none();
+    let is_over = run_state.phase == RunPhase::Over;
+    let is_asked = state.runs.end_card.asked == Some(run_state.run);
+    let is_finished = (is_over || is_asked) && shown.city == CityKind::Local && shown.replay.is_none();
     // Who looks back at a collision, or compares, has the view for it; the card comes back with the present.
     let gives_way = shown.past.is_shown || state.runs.comparison.is_open();
     let card = &mut state.runs.end_card;
@@ -63,13 +75,15 @@ pub(super) fn window(ui: &Ui, state: &mut UiState, shown: &ViewModel<'_>, action
     window.show(ui.ctx(), |ui| {
         ui.set_max_width(430.0);
         ui.label(format!(
-            "{}, seed {}: {} s simulated",
+            "{}, {}: {} s simulated",
             measures.scenario,
-            measures.seed,
+            measures.conditions(),
             decimal.fixed(measures.simulated_s, 1)
         ));
         ui.add_space(4.0);
-        results(ui, &measures, (&mean_speed, decimal), shown.traffic.measures());
+        // Beyond the end the numbers of the zones are no longer those of the result.
+        let zones = is_over.then(|| shown.traffic.measures());
+        results(ui, (&measures, &outcome.traffic), (&mean_speed, decimal), zones);
         if run_state.now.vehicles.iter().any(|vehicle| vehicle.status == Status::Collided) {
             ui.label("Vehicles that have collided stay where they are: a new run puts all of them back.");
         }
@@ -88,7 +102,7 @@ pub(super) fn window(ui: &Ui, state: &mut UiState, shown: &ViewModel<'_>, action
                 decimal.plain(shown.duration_s)
             );
             let tip = START_OR_PAUSE.tip(ui.ctx(), &tip);
-            if !run_state.has_ended && ui.button("Continue").on_hover_text(tip).clicked() {
+            if is_over && !run_state.has_ended && ui.button("Continue").on_hover_text(tip).clicked() {
                 actions.push(UiAction::Order(Order::Start));
             }
         });
@@ -106,9 +120,9 @@ pub(super) fn window(ui: &Ui, state: &mut UiState, shown: &ViewModel<'_>, action
 
 fn results(
     ui: &mut Ui,
-    measures: &RunMeasures,
+    (measures, report): (&RunMeasures, &TrafficReport),
     (mean_speed, decimal): (&str, DecimalSeparator),
-    traffic: &TrafficMeasures,
+    traffic: Option<&TrafficMeasures>,
 ) {
     // What never moves is an obstacle.
     let drivers = measures.vehicles.values().filter(|vehicle| vehicle.distance_m > MOVES_M);
@@ -123,12 +137,28 @@ fn results(
         row("Collisions", measures.collisions.to_string(), measures.collisions > 0);
         row("Stops", measures.stops().to_string(), false);
         row("Mean speed", mean_speed.to_owned(), false);
-        let trips = traffic.trips();
         let number = |value: Option<f64>, digits: usize, unit: &str| {
             value.map_or_else(|| "-".to_owned(), |value| format!("{} {unit}", decimal.fixed(value, digits)))
         };
-        row("Throughput", number(trips.throughput_per_h, 0, "vehicles/h"), false);
-        row("Mean delay", number(trips.mean_delay_s, 1, "s"), false);
+        let trips = &report.trips;
+        let throughput = match trips.throughput_per_h {
+            None => NO_THROUGHPUT.to_owned(),
+            of_trips => number(of_trips, 0, "vehicles/h"),
+        };
+        row("Throughput", throughput, false);
+        let delay = match trips.mean_delay_s {
+            None => NO_DELAY.to_owned(),
+            of_trips => number(of_trips, 1, "s"),
+        };
+        row("Mean delay", delay, false);
+        if let Some(vehicle) = longest.filter(|vehicle| vehicle.longest_stand_s >= 0.1) {
+            row(
+                "Longest stand",
+                format!("{} s, {}", decimal.fixed(vehicle.longest_stand_s, 1), vehicle.name),
+                false,
+            );
+        }
+        let Some(traffic) = traffic else { return };
         // Whole trips may end in a queue: what coordination does is in its zones.
         let zones: Vec<_> = traffic.zones().filter_map(|(zone, _)| traffic.zone_totals(&zone.name)).collect();
         if !zones.is_empty() {
@@ -138,13 +168,6 @@ fn results(
             let delay_s = (passages > 0).then(|| delay_s / f64::from(passages));
             let stops: u32 = zones.iter().map(|of| of.stops).sum();
             row("In control zones", format!("{stops} stops, mean delay {}", number(delay_s, 1, "s")), false);
-        }
-        if let Some(vehicle) = longest.filter(|vehicle| vehicle.longest_stand_s >= 0.1) {
-            row(
-                "Longest stand",
-                format!("{} s, {}", decimal.fixed(vehicle.longest_stand_s, 1), vehicle.name),
-                false,
-            );
         }
     });
 }

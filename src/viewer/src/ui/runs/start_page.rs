@@ -117,7 +117,7 @@ fn lists(ui: &mut Ui, shown: &ViewModel<'_>) -> Option<PathBuf> {
     for RunEntry { folder, name, began, age, .. } in &lists.runs {
         let began = if began.is_empty() { age } else { began };
         let run = ui.add(egui::Button::selectable(false, name).truncate().shortcut_text(began));
-        if run.on_hover_text(format!("{age}\n{}", folder.display())).clicked() {
+        if run.on_hover_text(format!("{name}\n{age}\n{}", folder.display())).clicked() {
             clicked = Some(folder.clone());
         }
     }

@@ -138,7 +138,12 @@ pub fn text_on_picture(colour: Color32) -> Color32 {
 
 /// A colour of a body for lines on a panel.
 pub fn line_on_ground(context: &Context, colour: Color32) -> Color32 {
-    legible(colour, ground(context), LINE_CONTRAST)
+    legible_line(colour, ground(context))
+}
+
+/// A colour of a body for lines on any ground.
+pub fn legible_line(colour: Color32, ground: Color32) -> Color32 {
+    legible(colour, ground, LINE_CONTRAST)
 }
 
 /// A bright colour of the city, as of a control zone or of a body, for texts and lines on a panel.

@@ -1,6 +1,6 @@
 //! Bookmarks of the large view's camera: nine places to come back to.
 
-use super::{CameraMode, FirstView, Viewpoint};
+use super::{CameraMode, FirstView, Raise, Viewpoint};
 use crate::ui::gaze::Gaze;
 use city3d_protocol::snapshot::VehicleId;
 use glam::DVec3;
@@ -85,6 +85,7 @@ impl Viewpoint {
             yaw_rad: bookmark.yaw_rad,
             pitch_rad: bookmark.pitch_rad,
             gaze: Gaze::default(),
+            raise: Raise::default(),
             goal: None,
             flight: None,
         }

@@ -339,3 +339,35 @@ fn the_view_is_chosen_again_when_the_first_vehicles_come_unless_it_was_moved() {
     let (of_the_map_m, moved_m, _) = begun(true);
     assert!((0.8..1.25).contains(&(moved_m / of_the_map_m)), "{of_the_map_m} {moved_m}");
 }
+
+#[test]
+fn the_camera_rises_over_a_house_that_hides_the_followed_vehicle_and_comes_down_again() {
+    let seen = snapshot(10.0);
+    let middle = seen.vehicles[0].position.truncate().as_vec2();
+    // All around it, as between houses.
+    let corners = [[-9.0, -9.0], [9.0, -9.0], [9.0, 9.0], [-9.0, 9.0]].map(|c| middle + glam::Vec2::from(c));
+    let walls: Vec<Wall> =
+        (0..4).map(|k| Wall { from: corners[k], to: corners[(k + 1) % 4], height_m: 12.0 }).collect();
+    for mode in [CameraMode::Orbit, CameraMode::Chase] {
+        let mut viewpoint = Viewpoint::around(&seen);
+        viewpoint.follow(Some(&seen.vehicles[0]));
+        viewpoint.set_mode(mode, Some(VehicleId(3)));
+        viewpoint.update(&seen);
+        (viewpoint.distance_m, viewpoint.elevation_rad) = (40.0, 0.3);
+        if mode == CameraMode::Chase {
+            viewpoint.zoom(-12.0);
+        }
+        let hidden = |viewpoint: &Viewpoint| {
+            let eye = viewpoint.view(&seen, [400, 300]).extrinsics.position;
+            occlusion::is_occluded(eye, seen.vehicles[0].position + DVec3::Z, &walls)
+        };
+        let low_m = viewpoint.view(&seen, [400, 300]).extrinsics.position.z;
+        assert!(hidden(&viewpoint), "{mode:?}");
+        let frames = (0..200).take_while(|_| viewpoint.keep_in_sight(&seen, &walls, 0.033)).count();
+        assert!((3..100).contains(&frames), "it rises, and rests: {frames}");
+        assert!(!hidden(&viewpoint) && sees(&viewpoint, &seen), "{mode:?}");
+        while viewpoint.keep_in_sight(&seen, &[], 0.033) {}
+        let again_m = viewpoint.view(&seen, [400, 300]).extrinsics.position.z;
+        assert!((again_m - low_m).abs() < 1e-6, "{mode:?}: {low_m} {again_m}");
+    }
+}

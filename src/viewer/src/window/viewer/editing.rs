@@ -37,8 +37,14 @@ impl ViewerState {
                 self.state.selection.vehicle = None;
                 self.state.editing.rest();
             }
-            EditAction::Undo => editor.undo(),
-            EditAction::Redo => editor.redo(),
+            EditAction::Undo => {
+                let undone = editor.undo().map(|change| format!("Undone: {change}"));
+                undone.into_iter().for_each(|said| self.state.say(said, now_s));
+            }
+            EditAction::Redo => {
+                let done = editor.redo().map(|change| format!("Done again: {change}"));
+                done.into_iter().for_each(|said| self.state.say(said, now_s));
+            }
             EditAction::Save => match editor.file().map(Path::to_path_buf) {
                 Some(file) => _ = self.save(&file, now_s),
                 None => self.state.runs.browse(FilePurpose::SaveScenario { runs: false }),

@@ -223,6 +223,7 @@ impl ViewerState {
         self.figures = LiveFigures::new(&experiment, LogOrigin::Run);
         self.curves = ComparedCurves::default();
         self.past.go_live();
+        self.released.clear();
         self.experiment = experiment;
         let first = self.run_state();
         let viewpoint = self.state.viewpoint.clone();
@@ -320,7 +321,7 @@ impl ViewerState {
             }
         };
         let measured = RunMeasures::read(other).map_err(|error| error.to_string())?;
-        let name = |what: &str, of: &RunMeasures| format!("{what}: {}, seed {}", of.scenario, of.seed);
+        let name = |what: &str, of: &RunMeasures| format!("{what}: {}, {}", of.scenario, of.conditions());
         let names = [name("this run", &present), name(&other.display().to_string(), &measured)];
         Ok(ComparedRuns { names, pairs: present.beside(&measured), note: differences(&present, &measured) })
     }
@@ -331,6 +332,11 @@ fn differences(present: &RunMeasures, other: &RunMeasures) -> Option<String> {
     let mut words = Vec::new();
     if present.scenario != other.scenario {
         words.push("The two are runs of different scenarios.".to_owned());
+    }
+    if present.environment != other.environment
+        && ![present, other].iter().any(|run| run.environment.is_empty())
+    {
+        words.push("They differ in the environment.".to_owned());
     }
     for (letter, names) in [("A", present.only(other)), ("B", other.only(present))] {
         if !names.is_empty() {

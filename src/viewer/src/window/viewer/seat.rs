@@ -53,6 +53,7 @@ impl ViewerState {
         self.give_back(now_s);
         self.past.go_live();
         let Some(state) = run_state.now.vehicle(vehicle) else { return };
+        self.released.retain(|released| *released != vehicle);
         self.state.driving = Some(ManualDrive::take_over(vehicle, run_state.run, state.steering_rad));
         self.state.selection.vehicle = Some(vehicle);
         self.state.viewpoint.set_mode(CameraMode::Chase, Some(vehicle));
@@ -61,7 +62,9 @@ impl ViewerState {
 
     pub(super) fn give_back(&mut self, now_s: f64) {
         let Some(driving) = self.state.driving.take() else { return };
-        self.send(Order::Release(driving.vehicle));
+        if self.send(Order::Release(driving.vehicle)) {
+            self.released.push(driving.vehicle);
+        }
         self.state.viewpoint.rear = false;
         let run_state = self.run_state();
         let found = run_state.now.vehicle(driving.vehicle).zip(run_state.now.info(driving.vehicle));

@@ -292,6 +292,39 @@ fn that_the_run_is_paused_is_said_once_to_who_takes_control() {
 }
 
 #[test]
+fn who_takes_or_releases_a_vehicle_while_the_run_is_paused_sees_it_at_once() {
+    let mut viewer = viewer(request("straight", 5.0), LogLocation::Nowhere);
+    let vehicle = viewer.experiment.vehicles[0].id;
+    let steps = |viewer: &ViewerState, to: u64| {
+        for tick in viewer.run_state().now.tick + 1..=to {
+            viewer.send(Order::Step);
+            wait(viewer, "a step", |state| state.now.tick == tick);
+        }
+    };
+    let shown = |viewer: &mut ViewerState| {
+        pass(viewer);
+        viewer.interpolated().vehicle(vehicle).unwrap().status
+    };
+    let of_run = |viewer: &ViewerState| viewer.run_state().now.vehicle(vehicle).unwrap().status;
+    steps(&viewer, 100);
+    assert_eq!(shown(&mut viewer), Status::Driving);
+    viewer.act(vec![UiAction::Drive(vehicle)], 0.0);
+    assert_eq!((of_run(&viewer), shown(&mut viewer)), (Status::Driving, Status::Manual));
+    viewer.send(Order::Drive(vehicle, city3d_protocol::snapshot::Pedals::default()));
+    steps(&viewer, 101);
+    assert_eq!((of_run(&viewer), shown(&mut viewer)), (Status::Manual, Status::Manual));
+    viewer.act(vec![UiAction::GiveBack], 0.0);
+    assert_eq!((of_run(&viewer), shown(&mut viewer)), (Status::Manual, Status::Driving));
+    viewer.act(vec![UiAction::Drive(vehicle)], 0.0);
+    assert_eq!(shown(&mut viewer), Status::Manual, "taken again");
+    viewer.act(vec![UiAction::GiveBack], 0.0);
+    steps(&viewer, 110);
+    assert_eq!((of_run(&viewer), shown(&mut viewer)), (Status::Driving, Status::Driving));
+    assert!(viewer.released.is_empty());
+    viewer.close().unwrap();
+}
+
+#[test]
 fn the_title_tells_what_replaces_values_and_the_next_scenario_is_as_it_is_written() {
     let overrides = Overrides {
         duration_s: Some(15.0),
