@@ -3,7 +3,7 @@
 use super::car_parks::{CAR_PARK_M, ParkingBay, bays_of};
 use super::mesh::{Class, Finish, Mesh, Surface, Vertex};
 use super::{LodMesh, SceneObject};
-use city3d_models::{Measures, MeshPrimitive, fitted, glb, is_for_clear_glass, shipped};
+use city3d_models::{Measures, MeshPrimitive, fitted, glb, shipped};
 use city3d_roadmap::{CityMap, Footprint, SceneryKind};
 use glam::{Affine3A, Mat3, Vec3};
 
@@ -38,7 +38,7 @@ fn finish_of(part: &MeshPrimitive) -> Finish {
 }
 
 fn add(mesh: &mut Mesh, parts: &[MeshPrimitive], place: impl Fn(Vec3) -> Vec3, turn: impl Fn(Vec3) -> Vec3) {
-    for part in parts.iter().filter(|part| !is_for_clear_glass(&part.material.name)) {
+    for part in parts {
         let finish = finish_of(part);
         let base = mesh.vertices.len() as u32;
         mesh.vertices.extend(part.vertices.iter().map(|v| Vertex {
@@ -57,8 +57,8 @@ const BODIES: [(&str, f32); 4] =
     [("hatchback.glb", 1.48), ("sedan.glb", SEDAN_M), ("suv.glb", 1.74), ("van.glb", 2.10)];
 const SEDAN_M: f32 = 1.45;
 
-/// Errors of the near, the usual and the far bodies.
-const ERRORS_M: [f32; 3] = [0.0, 0.02, 0.16];
+/// Error of the simplified bodies.
+const COARSENESS_M: f32 = 0.16;
 
 /// A white car at all levels of detail, origin at the middle of its outline on the ground.
 fn car_object((file, height): (&str, f32)) -> SceneObject {
@@ -66,10 +66,10 @@ fn car_object((file, height): (&str, f32)) -> SceneObject {
     let model = shipped(file).and_then(|bytes| glb::read(bytes).ok()).unwrap_or_default();
     let model = fitted(&model, &Measures { height, ..SIZE });
     let half_track = model.half_track.unwrap_or(0.8);
-    let bodies = [model.near_body.as_ref(), Some(&model.body), model.far_body.as_ref()];
-    let wheels = [model.near_wheel.as_ref(), Some(&model.wheel), model.far_wheel.as_ref()];
+    let bodies = [Some(&model.body), model.far_body.as_ref()];
+    let wheels = [Some(&model.wheel), model.far_wheel.as_ref()];
     let mut object = SceneObject::default();
-    for ((error_m, body), wheel) in ERRORS_M.into_iter().zip(bodies).zip(wheels) {
+    for ((error_m, body), wheel) in [0.0, COARSENESS_M].into_iter().zip(bodies).zip(wheels) {
         let mut mesh = Mesh::default();
         add(&mut mesh, body.unwrap_or(&model.body), |v| v, |n| n);
         for (x, side) in [(1.0, 1.0), (1.0, -1.0), (-1.0, 1.0), (-1.0, -1.0_f32)] {

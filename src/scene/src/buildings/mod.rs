@@ -65,10 +65,6 @@ pub(super) fn building(
     for (k, side) in sides.iter().enumerate() {
         let windowless = (k == front).then(|| entrance::windowless(side, &style, bay));
         storeys(mesh, side, &style, (eaves, below(k)), windowless);
-        if below(k) {
-            // The downpipe, from the eaves to the plinth.
-            side.slab(mesh, [side.width() - 0.22, 0.10], [0.2, eaves - 0.05], 0.09, DARK.shaded(1.5));
-        }
     }
     entrance::entrance(mesh, (&sides[front], bay), &style, &name, eaves);
     special::additions(mesh, &name, &ring, height);
