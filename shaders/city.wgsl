@@ -91,13 +91,13 @@ fn wet_pbr(m: PbrMaterial, world: vec3<f32>, wet: f32) -> PbrMaterial {
     let broad = textureSampleLevel(surfaces, surface_sampler, world.xy * 0.017 + 0.11, ASPHALT, 1.0).g;
     let puddle = smoothstep(PUDDLES.x, PUDDLES.y, broad);
     var out = m;
-    out.albedo *= 1.0 - wet * (0.40 + 0.22 * puddle);
+    out.albedo *= 1.0 - wet * (0.50 + 0.20 * puddle);
     out.roughness = mix(m.roughness, 0.20 - 0.16 * puddle, wet);
     return out;
 }
 
 // Brightness of the broad pattern of asphalt between which puddles begin.
-const PUDDLES: vec2<f32> = vec2<f32>(0.62, 0.70);
+const PUDDLES: vec2<f32> = vec2<f32>(0.595, 0.645);
 
 // Emissive strength of name boards at night, times their colour.
 const BOARD_EMISSION: f32 = 0.55;
@@ -106,6 +106,30 @@ const BOARD_EMISSION: f32 = 0.55;
 fn wall_seed(seed: u32, normal: vec3<f32>) -> u32 {
     let side = vec2<u32>(normal.xy * 3.0 + 3.5);
     return (seed * 73u + side.x * 22u + side.y * 59u) & 0xffu;
+}
+
+// Blinds and curtains behind panes: colour, and whether they cover this place. A draw for each window decides.
+fn behind_pane(layer: u32, seed: u32, uv: vec2<f32>) -> vec4<f32> {
+    let at = fract(uv);
+    let dice = fract(sin(dot(floor(uv), vec2<f32>(39.3468, 11.135)) + f32(seed) * 1.173) * 2357.817);
+    let tint = fract(dice * 61.0);
+    if dice < 0.28 {
+        let foot = mix(0.40, 0.74, fract(dice * 23.0));
+        let slat = 0.90 + 0.10 * cos(at.y * 240.0);
+        return vec4<f32>(mix(vec3<f32>(0.46, 0.43, 0.36), vec3<f32>(0.34, 0.36, 0.38), tint) * slat, step(foot, at.y));
+    }
+    if dice < 0.60 {
+        let open = select(0.075, 0.16, layer == BALCONY) * (0.7 + 0.6 * fract(dice * 37.0));
+        let fold = 0.82 + 0.18 * cos(at.x * 190.0);
+        var cloth = vec3<f32>(0.46, 0.44, 0.40);
+        if tint > 0.75 {
+            cloth = vec3<f32>(0.32, 0.13, 0.10);
+        } else if tint > 0.55 {
+            cloth = vec3<f32>(0.15, 0.22, 0.28);
+        }
+        return vec4<f32>(cloth * fold, step(open, abs(at.x - 0.5)));
+    }
+    return vec4<f32>(0.0);
 }
 
 // Emission at night: lamps, and lit rooms behind some of the windows.
@@ -180,6 +204,13 @@ fn fragment_main(in: Fragment) -> @location(0) vec4<f32> {
     let normal = normalize(in.normal);
     var m: PbrMaterial;
     m.albedo = pattern * in.colour.rgb;
+    if layer == WINDOWS || (layer >= SASH && layer <= BALCONY) {
+        let behind = behind_pane(layer, wall_seed(in.seed, in.normal), in.uv);
+        let pane = 1.0 - smoothstep(0.16, 0.45, texel.a);
+        // Farther away than folds and slats can be told, a window is as the texture has it.
+        let near = 1.0 - smoothstep(0.02, 0.06, across);
+        m.albedo = mix(m.albedo, behind.rgb, behind.a * pane * near);
+    }
     // Asphalt is never fully rough.
     m.roughness = select(texel.a, LACQUER, layer == CAR_PAINT);
     let is_iron = layer == MANHOLE && texel.a < 0.95;

@@ -68,7 +68,7 @@ fn vertex_main(in: VertexIn) -> Fragment {
 }
 
 // Half the length of a mirrored lamp along the road, as a share of the distance of the mirror image's place, and half its width.
-const STREAK_LENGTH: f32 = 0.30;
+const STREAK_LENGTH: f32 = 0.45;
 const STREAK_WIDTH: f32 = 0.014;
 const STREAK_MIN_WIDTH_M: f32 = 0.22;
 // Height over the road, above its slope and wear, metres.
@@ -112,6 +112,24 @@ fn glow_of(in: Fragment) -> vec3<f32> {
     return in.colour * (rim * rim * (0.035 / (0.035 + far)));
 }
 
+// A streak: bright along its middle, and fading towards its ends.
+fn streak_of(in: Fragment) -> vec3<f32> {
+    let ends = max(1.0 - in.at.y * in.at.y, 0.0);
+    let side = min(in.at.x * in.at.x, 1.0);
+    let rim = 1.0 - side;
+    return in.colour * (0.45 * ends * ends * rim * rim * (0.05 / (0.05 + side)));
+}
+
+@fragment
+fn mirrored_fragment(in: Fragment) -> @location(0) vec4<f32> {
+    return vec4<f32>(streak_of(in), 0.0);
+}
+
+@fragment
+fn mirrored_vertex_lit_fragment(in: Fragment) -> @location(0) vec4<f32> {
+    return screen_blended(streak_of(in));
+}
+
 @fragment
 fn fragment_main(in: Fragment) -> @location(0) vec4<f32> {
     let glow = glow_of(in);
@@ -119,10 +137,14 @@ fn fragment_main(in: Fragment) -> @location(0) vec4<f32> {
     return vec4<f32>(glow, min(2.0 * max(glow.r, max(glow.g, glow.b)), 1.0));
 }
 
-// Screen blending: the target holds tone-mapped colours.
 @fragment
 fn vertex_lit_fragment(in: Fragment) -> @location(0) vec4<f32> {
-    let x = glow_of(in) * frame.sun.w;
+    return screen_blended(glow_of(in));
+}
+
+// Screen blending: the target holds tone-mapped colours.
+fn screen_blended(radiance: vec3<f32>) -> vec4<f32> {
+    let x = radiance * frame.sun.w;
     let shown = (x * (2.51 * x + 0.03)) / (x * (2.43 * x + 0.59) + 0.14);
     return vec4<f32>(sqrt(clamp(shown, vec3<f32>(0.0), vec3<f32>(1.0))), 0.0);
 }

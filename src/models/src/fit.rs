@@ -56,6 +56,26 @@ pub fn is_other_lod(node: &ModelNode) -> bool {
     [NEAR, FAR, FARTHER].iter().any(|prefix| node.name.starts_with(prefix))
 }
 
+/// Whether a part of the near level of a shipped car is only for clear glass: seen through it, or the cover of a lamp.
+/// Where glass is opaque it is left out.
+pub fn is_for_clear_glass(material: &str) -> bool {
+    const PARTS: [&str; 12] = [
+        "lens",
+        "lining",
+        "seat",
+        "carpet",
+        "steering_wheel",
+        "skin",
+        "hair",
+        "shirt",
+        "dashboard",
+        "floor",
+        "bus_seat",
+        "pole",
+    ];
+    PARTS.contains(&material)
+}
+
 fn is_body(node: &ModelNode) -> bool {
     !node.name.starts_with(WHEEL) && !is_other_lod(node)
 }

@@ -9,7 +9,7 @@ mod fit;
 pub mod glb;
 mod shipped;
 
-pub use fit::{FittedCar, Measures, fitted, is_other_lod};
+pub use fit::{FittedCar, Measures, fitted, is_for_clear_glass, is_other_lod};
 pub use glb::ModelError;
 pub use shipped::{BENCH, BIN, FUEL_PUMP, FURNITURE, LAMP, PICNIC_TABLE, SHIPPED, shipped};
 

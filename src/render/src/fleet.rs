@@ -37,10 +37,9 @@ struct GpuMesh {
     indices: wgpu::Buffer,
     /// Levels of detail, the finest first.
     levels: Vec<GpuMeshLod>,
-    /// Body of the usual level, which cameras on the vehicle see: the same in all presets, so that ground truth agrees.
+    /// What cameras on the vehicle see of its body: the same in all presets, so that ground truth agrees.
     own_body: VehicleMesh,
-    /// Where its vertices begin.
-    own_base: i32,
+    own_vertices: wgpu::Buffer,
     lenses: Vec<LampLens>,
     half_track_m: f32,
 }
@@ -71,7 +70,6 @@ pub(super) struct VisibleVehicle {
 #[derive(Clone, Debug)]
 struct OwnBody {
     indices: wgpu::Buffer,
-    base: i32,
     count: u32,
 }
 
@@ -137,17 +135,13 @@ impl GpuMesh {
                 levels.push(GpuMeshLod { body, glass, wheel, error_m: level.error_m });
             }
         }
-        let own = usize::from(opaque.is_some()).min(levels.len().saturating_sub(1));
-        let before = fitted.levels.iter().take(own);
-        let own_base: usize =
-            before.map(|level| level.body.vertices.len() + level.wheel.vertices.len()).sum();
         let buffer = |contents: &[u8], usage| filled_buffer(device, "vehicles", contents, usage);
         Self {
             vertices: buffer(bytemuck::cast_slice(&mesh.vertices), wgpu::BufferUsages::VERTEX),
             indices: buffer(bytemuck::cast_slice(&mesh.indices), wgpu::BufferUsages::INDEX),
             levels,
-            own_body: fitted.levels.into_iter().nth(own).map(|level| level.body).unwrap_or_default(),
-            own_base: own_base as i32,
+            own_vertices: buffer(bytemuck::cast_slice(&fitted.own_body.vertices), wgpu::BufferUsages::VERTEX),
+            own_body: fitted.own_body,
             lenses: fitted.lenses,
             half_track_m: fitted.half_track_m,
         }
@@ -289,8 +283,7 @@ impl FleetRenderer {
     /// What a view sees of the vehicle that carries its camera.
     pub(super) fn own_vehicle(&mut self, device: &wgpu::Device, view: &View) -> Option<OwnVehicle> {
         let placed = self.placed.iter().find(|placed| view.carrier == Some(placed.id))?;
-        let mesh = self.meshes.get(&placed.key)?;
-        let (body, base) = (&mesh.own_body, mesh.own_base);
+        let body = &self.meshes.get(&placed.key)?.own_body;
         let clip_from_body = (view.clip_from_world() * placed.world_from_body).as_mat4();
         let corner = |k: u32| clip_from_body * Vec3::from(body.vertices[k as usize].position).extend(1.0);
         let (faces, _) = body.indices.as_chunks::<3>();
@@ -303,7 +296,6 @@ impl FleetRenderer {
             OwnBody {
                 indices: filled_buffer(device, "own body", contents, wgpu::BufferUsages::INDEX),
                 count: indices.len() as u32,
-                base,
             }
         };
         let views = self.ego_views.entry(placed.key).or_default();
@@ -396,8 +388,9 @@ impl FleetRenderer {
             };
             mesh.bind(pass);
             if let Some(own) = &vehicle.own_body {
+                pass.set_vertex_buffer(0, mesh.own_vertices.slice(..));
                 pass.set_index_buffer(own.indices.slice(..), wgpu::IndexFormat::Uint32);
-                pass.draw_indexed(0..own.count, own.base, index..index + 1);
+                pass.draw_indexed(0..own.count, 0, index..index + 1);
                 continue;
             }
             let end = if with_glass { body.end } else { body.end - glass.len() as u32 };

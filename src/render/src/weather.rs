@@ -34,7 +34,7 @@ pub(super) fn fog_density(weather: Weather, clear: f32) -> f32 {
 pub(super) fn light_in(weather: Weather, clear: Light) -> Light {
     match weather {
         Weather::Clear => clear,
-        Weather::Rain => overcast(clear, RAIN_COVER, 0.90),
+        Weather::Rain => overcast(clear, RAIN_COVER, 1.0),
         Weather::Fog => overcast(clear, FOG_COVER, 0.94),
     }
 }

@@ -25,7 +25,7 @@ const DOUBLE_M: f64 = 0.30;
 /// Finest tolerance of lines.
 const FINEST_M: f64 = 0.006;
 
-pub(super) const WHITE: Finish = Finish::new(Surface::Paint, [236, 236, 232], Class::Marking);
+pub(super) const WHITE: Finish = Finish::new(Surface::Paint, [223, 223, 219], Class::Marking);
 const YELLOW: Finish = Finish::new(Surface::Paint, [236, 178, 48], Class::Marking);
 
 /// Line quads are wider than the paint by this factor: a line thinner than a pixel still covers pixels, and

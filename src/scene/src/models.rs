@@ -2,15 +2,19 @@
 
 use super::ground_sheet::GRASS_M;
 use super::mesh::{Class, Finish, Mesh, Surface, Vertex};
-use super::{InstancedObject, SceneObject};
-use city3d_models::{Material, Model, ModelNode};
+use super::{InstancedObject, LodMesh, SceneObject};
+use city3d_models::{Material, MeshPrimitive, Model, ModelNode, is_for_clear_glass};
 use city3d_roadmap::{CityMap, PlacedModel};
 use glam::{Affine3A, Quat, Vec2, Vec3};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
+/// Name prefix of the nodes of the level of detail of a car for what is near.
+const NEAR: &str = "near_";
 /// Name prefixes of the nodes of distant levels of detail.
 const FAR: [&str; 2] = ["far_", "farther_"];
+/// Error of the usual level of a car that has a near one.
+const NEAR_ERROR_M: f32 = 0.02;
 /// Texture repeat for files without texture coordinates.
 const REPEAT_M: f32 = 2.0;
 
@@ -68,11 +72,43 @@ fn laid_on(position: Vec3, normal: Vec3) -> Vec2 {
     at / REPEAT_M
 }
 
-fn add(mesh: &mut Mesh, model: &Model, class: Class, wanted: impl Fn(&ModelNode) -> bool) {
-    for node in model.nodes.iter().filter(|node| wanted(node)) {
-        let here = node.model_from_mesh;
+/// The meshes of a level of detail and where they are; without a prefix those of the usual one. A wheel of a car's other
+/// levels is where each of its wheels is.
+fn parts_of<'a>(model: &'a Model, prefix: Option<&str>) -> Vec<(Affine3A, &'a [MeshPrimitive])> {
+    let wheels = || model.nodes.iter().filter(|node| node.name.starts_with("wheel"));
+    let is_usual =
+        |node: &ModelNode| [NEAR, FAR[0], FAR[1]].iter().all(|other| !node.name.starts_with(other));
+    let mut parts = Vec::new();
+    for node in &model.nodes {
+        let Some(prefix) = prefix else {
+            if is_usual(node) {
+                parts.push((node.model_from_mesh, model.parts(node)));
+            }
+            continue;
+        };
+        match node.name.strip_prefix(prefix) {
+            Some(name) if name.starts_with("wheel") && wheels().next().is_some() => {
+                parts.extend(wheels().map(|wheel| (wheel.model_from_mesh, model.parts(node))));
+            }
+            Some(_) => parts.push((node.model_from_mesh, model.parts(node))),
+            None => {}
+        }
+    }
+    let has_wheels = model.node("near_wheel").is_some();
+    if prefix == Some(NEAR) && !parts.is_empty() && !has_wheels {
+        parts.extend(wheels().map(|wheel| (wheel.model_from_mesh, model.parts(wheel))));
+    }
+    parts
+}
+
+/// A level of detail as a mesh, with opaque glass.
+fn mesh_of(model: &Model, class: Class, prefix: Option<&str>) -> Mesh {
+    let mut mesh = Mesh::default();
+    for (here, parts) in parts_of(model, prefix) {
         let turn = here.matrix3.inverse().transpose();
-        for part in model.parts(node) {
+        let is_seen =
+            |part: &&MeshPrimitive| prefix != Some(NEAR) || !is_for_clear_glass(&part.material.name);
+        for part in parts.iter().filter(is_seen) {
             let finish = finish_of(&part.material, class);
             let is_laid_on = part.vertices.iter().any(|v| v.uv != Vec2::ZERO);
             let base = mesh.vertices.len() as u32;
@@ -91,6 +127,7 @@ fn add(mesh: &mut Mesh, model: &Model, class: Class, wanted: impl Fn(&ModelNode)
             }));
         }
     }
+    mesh
 }
 
 /// Least errors of the distant levels of detail.
@@ -98,16 +135,15 @@ pub(super) const FAR_ERRORS_M: [f32; 2] = [0.3, 0.6];
 
 /// A model with its levels of detail; `class` is the default class.
 pub(super) fn object(model: &Model, class: Class, far_errors_m: [f32; 2]) -> SceneObject {
-    // Distant level that a node belongs to; `None` for the finest one.
-    let rank = |node: &ModelNode| FAR.iter().position(|start| node.name.starts_with(start));
-    let mesh = |wanted: Option<usize>| {
-        let mut mesh = Mesh::default();
-        add(&mut mesh, model, class, |node| rank(node) == wanted);
-        mesh
+    let (near, usual) = (mesh_of(model, class, Some(NEAR)), mesh_of(model, class, None));
+    let mut object = if near.is_empty() {
+        SceneObject::of_one_level(usual)
+    } else {
+        let usual = LodMesh { mesh: usual, error_m: NEAR_ERROR_M };
+        SceneObject { levels: vec![LodMesh { mesh: near, error_m: 0.0 }, usual] }
     };
-    let mut object = SceneObject::of_one_level(mesh(None));
-    for (k, error_m) in far_errors_m.into_iter().enumerate() {
-        object.add_level(mesh(Some(k)), error_m);
+    for (prefix, error_m) in FAR.into_iter().zip(far_errors_m) {
+        object.add_level(mesh_of(model, class, Some(prefix)), error_m);
     }
     object
 }
@@ -127,4 +163,25 @@ pub(super) fn place(map: &CityMap, models: &BTreeMap<String, Arc<Model>>) -> Vec
         (!object.is_empty()).then_some(InstancedObject { object, instances })
     });
     instanced.collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use city3d_models::{glb, shipped};
+
+    #[test]
+    fn a_car_as_a_model_stands_on_four_wheels_near_and_farther_away() {
+        let model = glb::read(shipped("sedan.glb").unwrap()).unwrap();
+        let object = object(&model, Class::Building, FAR_ERRORS_M);
+        let counts: Vec<usize> = object.levels.iter().map(|level| level.mesh.triangle_count()).collect();
+        assert!(counts.len() >= 3 && counts.is_sorted_by(|a, b| a > b), "{counts:?}");
+        for level in &object.levels[..2] {
+            for (x, y) in [(1.0, 1.0), (1.0, -1.0), (-1.0, 1.0), (-1.0, -1.0)] {
+                let is_on_ground =
+                    |v: &&Vertex| v.position.z < 0.05 && v.position.x * x > 1.0 && v.position.y * y > 0.8;
+                assert!(level.mesh.vertices.iter().any(|v| is_on_ground(&v)), "{x} {y}: {}", level.error_m);
+            }
+        }
+    }
 }

@@ -69,20 +69,20 @@ impl GlowPass {
             operation: wgpu::BlendOperation::Add,
         };
         // Radiance adds up; displayed colours are screen-blended, which stays below white.
-        let (entry, dst_factor) = if attachments.vertex_lit {
-            ("vertex_lit_fragment", wgpu::BlendFactor::OneMinusSrc)
+        let (entries, dst_factor) = if attachments.vertex_lit {
+            (["vertex_lit_fragment", "mirrored_vertex_lit_fragment"], wgpu::BlendFactor::OneMinusSrc)
         } else {
-            ("fragment_main", wgpu::BlendFactor::One)
+            (["fragment_main", "mirrored_fragment"], wgpu::BlendFactor::One)
         };
         let module = Shader::Glow.module(device, None);
-        let pipeline = |vertex| {
+        let pipeline = |vertex, fragment| {
             scene_pipeline(
                 device,
                 attachments,
                 &ScenePipelineState {
                     shader: Shader::Glow,
                     module: &module,
-                    entries: [vertex, entry],
+                    entries: [vertex, fragment],
                     groups: &[Some(frame)],
                     buffers: &[Some(gpu_data::LAYOUT)],
                     constants: &[],
@@ -101,8 +101,8 @@ impl GlowPass {
         };
         let street: Vec<Glow> = lamps.iter().map(street).collect();
         Self {
-            pipeline: pipeline("vertex_main"),
-            mirrored: is_wet.then(|| pipeline("mirrored_vertex")),
+            pipeline: pipeline("vertex_main", entries[0]),
+            mirrored: is_wet.then(|| pipeline("mirrored_vertex", entries[1])),
             lamp_count: street.len() as u32,
             lamps: device.create_buffer_init(&wgpu::util::BufferInitDescriptor {
                 label: Some("glow of street lamps"),

@@ -399,7 +399,7 @@ pub(super) fn door(at: [f32; 2]) -> Texel {
         let bar = v < 0.825 || (u - 0.5).abs() < 0.015;
         return if bar { ([0.95, 0.94, 0.92], 1.0) } else { ([0.14, 0.18, 0.22], 0.12) };
     }
-    // The leaf keeps a colour of its own: a dark red wood.
+    // The tint of the building colours the leaf.
     let base = 0.85 + 0.25 * (value([u, v], [24, 5], 111) - 0.5);
     let mut level = base;
     for [low, high] in [[0.06, 0.34], [0.40, 0.74]] {
@@ -416,7 +416,7 @@ pub(super) fn door(at: [f32; 2]) -> Texel {
     if v < 0.03 {
         level *= 0.6;
     }
-    ([0.36 * level, 0.20 * level, 0.15 * level], 0.85)
+    ([0.92 * level; 3], 0.7)
 }
 
 /// Sectional gate: panels with a row of windows; the tint colours the panels.

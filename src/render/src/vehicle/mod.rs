@@ -82,7 +82,7 @@ pub(super) struct VehicleMesh {
 }
 
 impl VehicleMesh {
-    pub(super) fn new(parts: &[city3d_models::MeshPrimitive]) -> Self {
+    pub(super) fn new<'a>(parts: impl IntoIterator<Item = &'a city3d_models::MeshPrimitive>) -> Self {
         let mut mesh = Self::default();
         for part in parts {
             let base = mesh.vertices.len() as u32;

@@ -11,6 +11,8 @@ use std::sync::Arc;
 const COARSENESS_M: [f32; 2] = [0.16, 0.4];
 /// Least errors of the coarser levels: positions of lamps and windows.
 const LEAST_ERRORS_M: [f32; 2] = [0.05, 0.12];
+/// Material inside the roof and the doors. A camera behind the windscreen may be above the lining of the roof.
+const LINING: &str = "lining";
 
 /// Models of body types; others are drawn as a sedan.
 #[derive(Clone, Debug)]
@@ -35,6 +37,8 @@ pub(crate) struct FittedVehicle {
     pub(crate) near: Option<FittedLod>,
     /// Levels of detail, the finest first.
     pub(crate) levels: Vec<FittedLod>,
+    /// What a camera on the vehicle may see of its body: the near one without what lines the cabin, else the usual one.
+    pub(crate) own_body: VehicleMesh,
     /// Lamps as light sources.
     pub(crate) lenses: Vec<LampLens>,
     /// From the centre line of the vehicle to the centre of a wheel.
@@ -100,6 +104,10 @@ impl VehicleModels {
             let wheel = near_wheel.unwrap_or_else(|| wheel.clone());
             FittedLod { body: VehicleMesh::new(parts), wheel, error_m: 0.0 }
         });
+        let own_body = match &fitted.near_body {
+            Some(parts) => VehicleMesh::new(parts.iter().filter(|part| part.material.name != LINING)),
+            None => body.clone(),
+        };
         let lenses = body.lenses();
         let mut levels = vec![FittedLod { body, wheel, error_m: 0.0 }];
         for ((body, wheel), least_m) in
@@ -109,13 +117,19 @@ impl VehicleModels {
             let error_m = finest.outline_apart(&whole(&body, &wheel)).max(least_m).max(before_m);
             levels.push(FittedLod { body, wheel, error_m });
         }
-        FittedVehicle { near, levels, lenses, half_track_m }
+        FittedVehicle { near, levels, own_body, lenses, half_track_m }
     }
 }
 
 impl FittedVehicle {
     fn empty(d: &Dimensions) -> Self {
-        Self { near: None, levels: Vec::new(), lenses: Vec::new(), half_track_m: d.track_m as f32 / 2.0 }
+        Self {
+            near: None,
+            levels: Vec::new(),
+            own_body: VehicleMesh::default(),
+            lenses: Vec::new(),
+            half_track_m: d.track_m as f32 / 2.0,
+        }
     }
 }
 
@@ -213,6 +227,22 @@ mod tests {
                 let is_glass = mesh.vertices[t[0] as usize].material & 0xff == VehiclePart::Glass as u32;
                 assert!(!(faces_eye && is_glass), "{kind:?}: glass at {a} faces the camera at {eye}");
             }
+        }
+    }
+
+    /// Wipers and dashboard are seen from behind the windscreen, the lining of the roof is not.
+    #[test]
+    fn the_own_body_is_the_near_one_without_its_lining() {
+        let faces = |mesh: &VehicleMesh| mesh.indices.len() / 3;
+        for (kind, d) in bodies() {
+            let models = VehicleModels::default();
+            let fitted = models.fit(kind, &d);
+            let near = fitted.near.expect("every shipped body has one");
+            let model = &models.models[&kind];
+            let node = model.node("near_body").unwrap();
+            let lining = model.parts(node).iter().filter(|part| part.material.name == LINING);
+            let lined: usize = lining.map(|part| part.indices.len() / 3).sum();
+            assert!(lined > 100 && faces(&fitted.own_body) + lined == faces(&near.body), "{kind:?}: {lined}");
         }
     }
 

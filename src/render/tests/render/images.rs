@@ -198,7 +198,7 @@ fn shadows_follow_and_leave_nothing_behind() {
 fn the_own_body_leaves_the_windscreens_view_free() {
     let Some(context) = software() else { return };
     let mut renderer = renderer(&context, &light_plain(), 1);
-    for body in [BodyType::Sedan, BodyType::Hatchback, BodyType::Suv, BodyType::Van] {
+    for (_, body) in BodyType::SHIPPED {
         let (state, mut info) = car(1, DVec2::ZERO, 0.0);
         info.appearance.body = body;
         let with = snapshot(vec![(state, info)]);

@@ -76,6 +76,9 @@ fn door(mesh: &mut Mesh, (front, bay): (&Facade, f32), style: &Style, [storey, e
     let high = door_height(storey);
     front.slab(mesh, [middle, 1.56], [0.02, high + 0.08], 0.05, TRIM);
     front.panel(mesh, [middle, 1.34], [0.16, high], 0.065, wall(Surface::Door, [255, 255, 255]));
+    // The leaf in its own colour, before that of the frame: its part of the texture.
+    let leaf = [Vec2::new(0.10, 0.0), Vec2::new(0.90, 0.80)];
+    front.picture(mesh, [middle, 1.34 * 0.8], [0.16, 0.16 + 0.8 * (high - 0.16)], (0.072, leaf), style.door);
     front.slab(mesh, [middle, 1.9], [0.02, 0.16], 0.6, TRIM.shaded(0.9));
     if style.sign.is_none() && !style.gabled && eaves > 8.0 {
         front.slab(mesh, [middle, 2.2], [high + 0.18, high + 0.32], 0.95, TRIM.shaded(0.95));

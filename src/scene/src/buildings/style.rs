@@ -22,6 +22,17 @@ const TILES: [[u8; 3]; 4] = [[199, 108, 77], [171, 96, 75], [122, 119, 124], [15
 /// Board colours, light enough for dark letters.
 const SIGNS: [[u8; 3]; 6] =
     [[150, 176, 150], [206, 122, 104], [140, 168, 196], [226, 186, 96], [226, 214, 190], [184, 166, 190]];
+/// Tints of house doors.
+const DOORS: [[u8; 3]; 8] = [
+    [128, 52, 42],
+    [52, 100, 74],
+    [56, 82, 128],
+    [88, 92, 98],
+    [150, 106, 70],
+    [186, 66, 50],
+    [226, 222, 212],
+    [96, 140, 152],
+];
 pub(super) const TRIM: Finish = wall(Surface::Concrete, [206, 202, 194]);
 pub(super) const FLAT_ROOF: Finish = wall(Surface::Gravel, [150, 148, 144]);
 pub(crate) const DARK: Finish = wall(Surface::Metal, [72, 76, 80]);
@@ -31,6 +42,7 @@ pub(super) struct Style {
     pub(super) upper: Finish,
     pub(super) ground: Finish,
     pub(super) tiles: Finish,
+    pub(super) door: Finish,
     pub(super) gabled: bool,
     pub(super) sign: Option<Finish>,
     /// Wide doors on the front instead of one entrance.
@@ -66,6 +78,7 @@ pub(super) fn style(place: &SeededScenery<'_>, name: &str, short_m: f32, height:
         upper: plaster,
         ground: plaster.shaded(0.95),
         tiles,
+        door: wall(Surface::Door, pick(&DOORS, 7)),
         gabled: dwelling && short_m < 11.0 && height < 16.0,
         sign: None,
         gates: None,

@@ -243,7 +243,12 @@ fn is_lamp_hole(shape: &CarShape, [a, b]: [ShellColumn; 2], t: f32) -> bool {
         | (ShellColumn::End(facing, _), ShellColumn::Side(..)) => facing,
         _ => return false,
     };
-    (0.59..0.915).contains(&t) && !(facing < 0.0 && shape.has_tall_lamps())
+    if facing < 0.0 && shape.has_tall_lamps() {
+        let is_outermost =
+            matches!((a, b), (ShellColumn::End(_, f), ShellColumn::End(_, g)) if f.min(g) > 0.8);
+        return is_outermost && (0.35..0.915).contains(&t);
+    }
+    (0.59..0.915).contains(&t)
 }
 
 /// The material of a shell face between two columns, from row `t` up.
@@ -286,11 +291,8 @@ fn face_material(
                         if t < if detail.is_near() { 0.5 } else { 0.7 } { indicator } else { TAIL }
                     }
                     t if tall => {
-                        if inner > 0.6 && inner < 0.8 && (0.3..0.5).contains(&t) {
-                            REVERSE
-                        } else {
-                            PAINT
-                        }
+                        let is_reverse = inner > 0.6 && inner < 0.8 && (0.3..0.5).contains(&t);
+                        if is_reverse && detail != CarDetail::Close { REVERSE } else { PAINT }
                     }
                     t if (0.59..0.9).contains(&t) && inner > 0.6 => {
                         if t < 0.7 && inner > 0.8 {

@@ -34,9 +34,7 @@ pub(super) fn face(
 pub(super) fn trim(builder: &mut PrimitiveBuilder, shape: &CarShape) {
     for side in [1.0_f32, -1.0] {
         lamp(builder, shape, 1.0, side);
-        if !shape.has_tall_lamps() {
-            lamp(builder, shape, -1.0, side);
-        }
+        lamp(builder, shape, -1.0, side);
         lips(builder, shape, side);
         joints(builder, shape, side);
         mirror(builder, shape, side);
@@ -48,17 +46,16 @@ pub(super) fn trim(builder: &mut PrimitiveBuilder, shape: &CarShape) {
 /// A lamp: the housing behind the hole in the shell, what shines in it, and its cover.
 fn lamp(builder: &mut PrimitiveBuilder, shape: &CarShape, facing: f32, side: f32) {
     let mirrored = |p: Vec3| Vec3::new(p.x, p.y * side, p.z);
+    let is_tall = facing < 0.0 && shape.has_tall_lamps();
     let end_side = ShellColumn::Side(if facing > 0.0 { 2.14 } else { -2.22 }, 0.0);
-    let mut columns = [
-        ShellColumn::End(facing, 0.62),
-        ShellColumn::End(facing, 0.82),
-        ShellColumn::End(facing, 1.0),
-        end_side,
-    ];
+    let end = |f: f32| ShellColumn::End(facing, f);
+    let mut columns =
+        if is_tall { vec![end(0.82), end(1.0)] } else { vec![end(0.62), end(0.82), end(1.0), end_side] };
     if facing > 0.0 {
         columns.reverse();
     }
-    let rows = [0.60, 0.74, 0.76, 0.78, 0.92];
+    let rows: &[f32] =
+        if is_tall { &[0.36, 0.60, 0.74, 0.76, 0.78, 0.92] } else { &[0.60, 0.74, 0.76, 0.78, 0.92] };
     let surface = |inwards: Vec3| -> Vec<Vec<Vec3>> {
         let row = |&t: &f32| columns.iter().map(|&c| mirrored(shape.point(c, t)) + inwards).collect();
         let mut points: Vec<Vec<Vec3>> = rows.iter().map(row).collect();
@@ -71,19 +68,19 @@ fn lamp(builder: &mut PrimitiveBuilder, shape: &CarShape, facing: f32, side: f32
     builder.grid(&cover, |_| 250, |_, _| Some(LENS));
     builder.grid(&bowl, |_| 150, |_, _| Some(if facing > 0.0 { BOWL } else { HOUSING }));
     // The walls between both are seen from inside.
-    let middle = bowl.iter().flatten().sum::<Vec3>() / 20.0;
-    let last = rows.len() - 1;
+    let (last, last_column) = (rows.len() - 1, columns.len() - 1);
+    let middle = bowl.iter().flatten().sum::<Vec3>() / (rows.len() * columns.len()) as f32;
     let mut wall = |a: (usize, usize), b: (usize, usize)| {
         let corners = [cover[a.0][a.1], cover[b.0][b.1], bowl[b.0][b.1], bowl[a.0][a.1]];
         face(builder, corners, middle - corners[0], SEAM, 120);
     };
-    for c in 0..3 {
+    for c in 0..last_column {
         wall((0, c), (0, c + 1));
         wall((last, c), (last, c + 1));
     }
     for r in 0..last {
         wall((r, 0), (r + 1, 0));
-        wall((r, 3), (r + 1, 3));
+        wall((r, last_column), (r + 1, last_column));
     }
     let indicator = INDICATOR[usize::from(side < 0.0)];
     let at = |f: f32, t: f32, deep: f32| {
@@ -112,6 +109,12 @@ fn lamp(builder: &mut PrimitiveBuilder, shape: &CarShape, facing: f32, side: f32
                 builder.plate(&ring, part, 240);
             }
         }
+    } else if is_tall {
+        for t in [[0.645, 0.70], [0.725, 0.78], [0.805, 0.86], [0.88, 0.905]] {
+            strip([[0.835, 0.985], t], 0.018, TAIL);
+        }
+        strip([[0.835, 0.985], [0.525, 0.62]], 0.022, indicator);
+        strip([[0.835, 0.985], [0.385, 0.495]], 0.022, REVERSE);
     } else {
         for t in [[0.615, 0.66], [0.70, 0.735], [0.86, 0.905]] {
             strip([[0.64, 0.99], t], 0.018, TAIL);

@@ -1,7 +1,8 @@
 //! Bus and delivery truck: hulls lofted along rows of one height around rounded corners.
 
 use super::{
-    CarDetail, GLASS, GRILLE, PAINT, PLASTIC, PrimitiveBuilder, SEAM, StaticMaterial, WELL, heavy_trim, wheel,
+    CarDetail, GLASS, GRILLE, PAINT, PLASTIC, PrimitiveBuilder, SEAM, StaticMaterial, WELL, heavy_close,
+    heavy_trim, wheel,
 };
 use glam::Vec3;
 use std::f32::consts::FRAC_PI_2;
@@ -229,9 +230,8 @@ impl HeavyShape {
     }
 }
 
-/// A level of detail of the body.
+/// What a level of detail has on its hull.
 pub(super) fn body(builder: &mut PrimitiveBuilder, shape: &HeavyShape, detail: CarDetail) {
-    hull(builder, shape, detail);
     if shape.is_truck {
         heavy_trim::cargo_box(builder, shape, detail);
     } else {
@@ -240,9 +240,14 @@ pub(super) fn body(builder: &mut PrimitiveBuilder, shape: &HeavyShape, detail: C
     heavy_trim::lamps(builder, shape, detail);
     heavy_trim::mirrors(builder, shape, detail);
     match detail {
-        CarDetail::Near | CarDetail::Close => {
+        CarDetail::Near => {
             wells(builder, shape);
             side_windows(builder, shape, detail);
+            heavy_trim::trim(builder, shape);
+        }
+        CarDetail::Close => {
+            wells(builder, shape);
+            heavy_close::trim(builder, shape);
             heavy_trim::trim(builder, shape);
         }
         CarDetail::Far => {
@@ -263,7 +268,8 @@ fn openness(p: Vec3) -> u8 {
     (255.0 * (0.55 + 0.45 * (p.z / 1.2).clamp(0.0, 1.0))) as u8
 }
 
-fn hull(builder: &mut PrimitiveBuilder, shape: &HeavyShape, detail: CarDetail) {
+/// The hull, at the near level with openings behind clear glass.
+pub(super) fn hull(builder: &mut PrimitiveBuilder, shape: &HeavyShape, detail: CarDetail) {
     let hull = &shape.hull;
     let all: Vec<usize> = (0..hull.rows.len()).collect();
     let kept: &[usize] = match detail {
@@ -289,6 +295,9 @@ fn hull(builder: &mut PrimitiveBuilder, shape: &HeavyShape, detail: CarDetail) {
                 (HullColumn::Side(..), _) | (_, HullColumn::Side(..)) => 0.0,
                 (HullColumn::End(facing, _) | HullColumn::Corner(facing, _), _) => facing,
             };
+            if detail == CarDetail::Close && is_opening(shape, [columns[c], columns[c + 1]], kept[r], side) {
+                return None;
+            }
             let is_glass = if facing > 0.0 {
                 within(hull.windscreen)
             } else {
@@ -312,6 +321,16 @@ fn hull(builder: &mut PrimitiveBuilder, shape: &HeavyShape, detail: CarDetail) {
         WELL,
         60,
     );
+}
+
+/// Whether a face of a side, from row `row` up, is left out for a window or a door.
+fn is_opening(shape: &HeavyShape, [a, b]: [HullColumn; 2], row: usize, side: f32) -> bool {
+    let (HullColumn::Side(a, _), HullColumn::Side(b, _)) = (a, b) else { return false };
+    let hull = &shape.hull;
+    let middle = (a + b) / 2.0;
+    let is_in = |spans: &[[f32; 2]]| spans.iter().any(|[rear, front]| (*rear..*front).contains(&middle));
+    let is_door = side < 0.0 && (1..hull.side_glass[0]).contains(&row) && is_in(hull.doors);
+    is_door || (row == hull.side_glass[0] && is_in(hull.windows))
 }
 
 /// A quad on the left or right side, proud of the hull: x and z of its edges.

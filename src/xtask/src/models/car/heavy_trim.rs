@@ -8,9 +8,9 @@ use super::{
 use glam::Vec3;
 
 /// The closed sides of the cargo space: white plastic.
-const BOX: StaticMaterial = StaticMaterial::new("box", [222, 224, 226]).rough(0.45);
+pub(super) const BOX: StaticMaterial = StaticMaterial::new("box", [222, 224, 226]).rough(0.45);
 /// Of the destination display.
-const AMBER: StaticMaterial = StaticMaterial::new("amber", [236, 160, 40]).rough(0.6);
+pub(super) const AMBER: StaticMaterial = StaticMaterial::new("amber", [236, 160, 40]).rough(0.6);
 
 pub(super) fn lamps(builder: &mut PrimitiveBuilder, shape: &HeavyShape, detail: CarDetail) {
     let near = detail.is_near();

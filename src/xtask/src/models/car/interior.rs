@@ -6,26 +6,34 @@ use city3d_models::MeshPrimitive;
 use glam::Vec3;
 use std::f32::consts::TAU;
 
-const LINING: StaticMaterial = StaticMaterial::new("lining", [74, 74, 76]);
-const SEAT: StaticMaterial = StaticMaterial::new("seat", [48, 50, 55]);
+pub(super) const LINING: StaticMaterial = StaticMaterial::new("lining", [118, 116, 112]);
+const SEAT: StaticMaterial = StaticMaterial::new("seat", [112, 106, 98]);
+const CARPET: StaticMaterial = StaticMaterial::new("carpet", [48, 50, 55]);
 const WHEEL: StaticMaterial = StaticMaterial::new("steering_wheel", [24, 24, 26]).rough(0.6);
 const SKIN: StaticMaterial = StaticMaterial::new("skin", [206, 160, 132]);
 const HAIR: StaticMaterial = StaticMaterial::new("hair", [62, 44, 34]);
 const SHIRT: StaticMaterial = StaticMaterial::new("shirt", [92, 116, 150]);
 /// Little of the sky's light comes in.
-const INSIDE: u8 = 150;
+pub(super) const INSIDE: u8 = 150;
 
 /// Lines what has been built of shell and cabin: their faces from inside, between the feet of the windows.
 pub(super) fn lining(parts: &[MeshPrimitive], shape: &CarShape) -> PrimitiveBuilder {
-    let mut builder = PrimitiveBuilder::default();
     let [rear, .., front] = shape.cabin.stations;
-    let is_lined = |at: Vec3| (rear - 0.12..front + 0.06).contains(&at.x) && at.z > 0.3;
+    lined(parts, |at| (rear - 0.12..front + 0.06).contains(&at.x) && at.z > 0.3)
+}
+
+/// The faces of sheet metal and plastic from inside, a little further in, where all corners are to be lined.
+pub(super) fn lined(parts: &[MeshPrimitive], is_lined: impl Fn(Vec3) -> bool) -> PrimitiveBuilder {
+    let mut builder = PrimitiveBuilder::default();
     for part in parts.iter().filter(|part| matches!(part.material.name.as_str(), "paint" | "plastic")) {
         for triangle in part.indices.chunks_exact(3) {
             let corners = [triangle[0], triangle[2], triangle[1]].map(|k| &part.vertices[k as usize]);
             if corners.iter().all(|corner| is_lined(corner.position)) {
                 let placed = corners.map(|corner| {
-                    builder.vertex(LINING, corner.position - 0.025 * corner.normal, -corner.normal, 130)
+                    let inner = corner.position - 0.025 * corner.normal;
+                    // At the ridge of a roof, where faces end in a point, normals lean anywhere.
+                    let under = inner.with_z(inner.z.min(corner.position.z - 0.005));
+                    builder.vertex(LINING, under, -corner.normal, 130)
                 });
                 builder.triangle(LINING, placed);
             }
@@ -41,7 +49,7 @@ pub(super) fn interior(builder: &mut PrimitiveBuilder, shape: &CarShape) {
     let floor = belt - 0.58;
     let half = body::half_at(0.0) * 0.9;
     let corners = [(rear, -half), (front, -half), (front, half), (rear, half)];
-    builder.plate(&corners.map(|(x, y)| Vec3::new(x, y, floor)), SEAT, 60);
+    builder.plate(&corners.map(|(x, y)| Vec3::new(x, y, floor)), CARPET, 60);
     let first = front - 1.14;
     let mut rows = vec![first];
     // A second row where there is a door for it.
@@ -61,7 +69,7 @@ pub(super) fn interior(builder: &mut PrimitiveBuilder, shape: &CarShape) {
     driver(builder, Vec3::new(first, 0.42, floor));
 }
 
-fn seat(builder: &mut PrimitiveBuilder, at: Vec3) {
+pub(super) fn seat(builder: &mut PrimitiveBuilder, at: Vec3) {
     let mut block = |[x, y, z]: [[f32; 2]; 3]| {
         let [low, high] = [0, 1].map(|k| at + Vec3::new(x[k], y[k], z[k]));
         builder.block(low, high, SEAT, INSIDE);
@@ -73,7 +81,7 @@ fn seat(builder: &mut PrimitiveBuilder, at: Vec3) {
 }
 
 /// Torso, arms and head of a driver, and the steering wheel.
-fn driver(builder: &mut PrimitiveBuilder, at: Vec3) {
+pub(super) fn driver(builder: &mut PrimitiveBuilder, at: Vec3) {
     // Rings around an upright axis: height, half depth, half width.
     let body = |builder: &mut PrimitiveBuilder, rings: &[[f32; 4]], material: StaticMaterial| {
         let ring = |&[z, x, deep, wide]: &[f32; 4]| -> Vec<Vec3> {

@@ -4,6 +4,7 @@ mod body;
 mod cabin;
 mod close;
 mod heavy;
+mod heavy_close;
 mod heavy_trim;
 mod interior;
 mod shape;
@@ -82,7 +83,7 @@ pub fn model(shape: &CarShape) -> Model {
         parts
     });
     assembled(
-        bodies.to_vec(),
+        bodies,
         WheelPlaces {
             radius: WHEEL_RADIUS_M,
             width: wheel::WIDTH_M,
@@ -94,13 +95,23 @@ pub fn model(shape: &CarShape) -> Model {
 
 /// The model of a bus or truck, with the same nodes.
 pub fn heavy_model(shape: &HeavyShape) -> Model {
-    let bodies = [CarDetail::Near, CarDetail::Far, CarDetail::Farther].map(|detail| {
+    let bodies = [CarDetail::Near, CarDetail::Far, CarDetail::Farther, CarDetail::Close].map(|detail| {
         let mut builder = PrimitiveBuilder::default();
+        heavy::hull(&mut builder, shape, detail);
+        let mut inside = Vec::new();
+        if detail == CarDetail::Close {
+            let ceiling_m = heavy_close::ceiling_m(shape);
+            let mut lined = interior::lined(&builder.clone().finish(), |at| at.z < ceiling_m + 0.001);
+            heavy_close::interior(&mut lined, shape);
+            inside = lined.finish();
+        }
         heavy::body(&mut builder, shape, detail);
-        evened(builder.finish())
+        let mut parts = evened(builder.finish());
+        parts.append(&mut inside);
+        parts
     });
     assembled(
-        bodies.to_vec(),
+        bodies,
         WheelPlaces {
             radius: shape.wheel_radius,
             width: shape.wheel_width,
@@ -119,8 +130,8 @@ struct WheelPlaces {
     out: f32,
 }
 
-/// A model with wheels of its bodies: the usual one, the coarser ones, and perhaps the near one.
-fn assembled(bodies: Vec<Vec<MeshPrimitive>>, places: WheelPlaces) -> Model {
+/// A model with wheels of its bodies: the usual one, the coarser ones, and the near one.
+fn assembled(bodies: [Vec<MeshPrimitive>; 4], places: WheelPlaces) -> Model {
     let WheelPlaces { radius, width, wheelbase, out } = places;
     let standing = |name: &str, mesh, height| ModelNode {
         name: name.to_owned(),
@@ -129,12 +140,10 @@ fn assembled(bodies: Vec<Vec<MeshPrimitive>>, places: WheelPlaces) -> Model {
     };
     let names = ["body", "far_body", "farther_body", "near_body"];
     let mut nodes: Vec<ModelNode> =
-        names.iter().zip(0..bodies.len()).map(|(name, mesh)| standing(name, mesh, 0.0)).collect();
+        names.iter().zip(0..).map(|(name, mesh)| standing(name, mesh, 0.0)).collect();
     let first = bodies.len();
     nodes.push(standing("far_wheel", first + 1, radius));
-    if first == names.len() {
-        nodes.push(standing("near_wheel", first + 2, radius));
-    }
+    nodes.push(standing("near_wheel", first + 2, radius));
     let (axle, out) = (wheelbase / 2.0, out - width / 2.0);
     for (name, x, y) in [
         ("front_left", axle, out),
@@ -148,7 +157,7 @@ fn assembled(bodies: Vec<Vec<MeshPrimitive>>, places: WheelPlaces) -> Model {
     }
     let wheels =
         [wheel::wheel(radius, width), wheel::far_wheel(radius, width), wheel::near_wheel(radius, width)];
-    let meshes = bodies.into_iter().chain(wheels.into_iter().take(first - 1)).collect();
+    let meshes = bodies.into_iter().chain(wheels).collect();
     Model { meshes, nodes }
 }
 

@@ -221,12 +221,24 @@ fn registration(builder: &mut PrimitiveBuilder, facing: f32, middle: Vec3) {
         "#    #   #   #      # # #",
         "### ###  #   #    ### ## ",
     ];
+    lettering(builder, &ROWS, SEAM, middle, Vec3::Y * (facing * SQUARE_M));
+}
+
+/// Lettering made of squares: one to the right is at `right`, the middle of all at `middle`.
+pub(super) fn lettering(
+    builder: &mut PrimitiveBuilder,
+    rows: &[&str],
+    ink: StaticMaterial,
+    middle: Vec3,
+    right: Vec3,
+) {
+    let up = Vec3::Z * right.length();
     let at = |column: usize, row: usize| {
-        let (right, down) =
-            (column as f32 - ROWS[0].len() as f32 / 2.0, row as f32 - ROWS.len() as f32 / 2.0);
-        middle + SQUARE_M * Vec3::new(0.0, facing * right, -down)
+        let (along, down) =
+            (column as f32 - rows[0].len() as f32 / 2.0, row as f32 - rows.len() as f32 / 2.0);
+        middle + right * along - up * down
     };
-    for (row, squares) in ROWS.iter().enumerate() {
+    for (row, squares) in rows.iter().enumerate() {
         let is_inked = |column: usize| squares.as_bytes().get(column) == Some(&b'#');
         let mut column = 0;
         while column < squares.len() {
@@ -236,7 +248,7 @@ fn registration(builder: &mut PrimitiveBuilder, facing: f32, middle: Vec3) {
             }
             if column > first {
                 let corners = [at(first, row + 1), at(column, row + 1), at(column, row), at(first, row)];
-                builder.plate(&corners, SEAM, 240);
+                builder.plate(&corners, ink, 240);
             }
             column += 1;
         }
