@@ -31,8 +31,8 @@ impl WebArgs {
         let address = address.clone().unwrap_or_else(|| USUAL_ADDRESS.to_owned());
         let token = Token::draw().map_err(Failure::failed)?;
         let experiment = Arc::clone(experiment);
-        let server =
-            WebServer::start(WebOptions { address, token, experiment, orders }).map_err(Failure::bad_input)?;
+        let server = WebServer::start(WebOptions { address, token, experiment, orders })
+            .map_err(Failure::bad_input)?;
         if !server.address().ip().is_loopback() {
             tracing::warn!(
                 "the web page at {} can be reached from other machines, and is not encrypted: whoever can read the \

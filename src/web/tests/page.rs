@@ -169,7 +169,8 @@ async fn hostile_clients_are_disconnected_and_counted() {
 
     let huge = Packet::text("x".repeat(5000));
     let flood = Packet::text(json!({ "t": "ping", "sent_ms": 1.0 }).to_string());
-    let garbage = [vec![Packet::text("{")], vec![Packet::binary(vec![1, 2, 3])], vec![huge], vec![flood; 300]];
+    let garbage =
+        [vec![Packet::text("{")], vec![Packet::binary(vec![1, 2, 3])], vec![huge], vec![flood; 300]];
     let count = garbage.len() as u64;
     for packets in garbage {
         let mut page = Page::new(address, Some(&token)).await;
