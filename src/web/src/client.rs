@@ -23,8 +23,9 @@ use tokio_tungstenite::tungstenite::{Bytes, Message as Packet, Utf8Bytes};
 const SEND_TIMEOUT: Duration = Duration::from_secs(5);
 /// A page whose first message has not come by then is disconnected.
 const HELLO_TIMEOUT: Duration = Duration::from_secs(5);
-/// A page that has been silent for longer is disconnected; the page sends something every few seconds.
-const SILENCE: Duration = Duration::from_secs(30);
+/// A page that has been silent for longer is disconnected. It sends something every two seconds, in the background of a
+/// browser once a minute.
+const SILENCE: Duration = Duration::from_secs(120);
 /// A vehicle is handed back when no pedals have come for this long.
 const PEDALS_TIMEOUT: Duration = Duration::from_millis(500);
 /// Messages of a page within [`RATE_WINDOW`], at most.
