@@ -78,6 +78,8 @@ rosbridge() {
 
 # Serves the roundabout on a port, with a mainframe that brings the vehicles.
 serve_page() {
+    # Of a city before: its lines are not those that are waited for.
+    rm -f "$folder/city.out"
     (trap - INT; exec "$city3d" serve roundabout --headless --bind 127.0.0.1:0 "--web=127.0.0.1:$port") \
         >"$folder/city.out" 2>"$folder/city.err" &
     city=$!

@@ -68,9 +68,10 @@ def ask(port, path, method="GET"):
 
 
 async def open_tab(port, url):
-    place = ask(port, f"/json/new?{url}", "PUT")["webSocketDebuggerUrl"]
+    place = ask(port, "/json/new?about:blank", "PUT")["webSocketDebuggerUrl"]
     tab = Tab(await websockets.connect(place, max_size=None))
     await tab.call("Page.enable")
+    await tab.call("Page.navigate", url=url)
     return tab
 
 
@@ -112,7 +113,8 @@ async def check(port, url, folder, restart):
     watching = url.split("#")[0]
     others = [await open_tab(port, watching) for _ in range(19)]
     await tab.until("state.pages === 20", 60)
-    await asyncio.gather(*(other.until("state !== null && !mayOrder", 60) for other in others))
+    is_told = "typeof state === 'object' && state !== null && !mayOrder"
+    await asyncio.gather(*(other.until(is_told, 60) for other in others))
     rate = await tab.run("state.rate")
     print("twenty pages: real-time factor", rate)
     await tab.shoot(f"{folder}/twenty.png")
