@@ -5,7 +5,7 @@ const LARGE = 0, SMALL = 1;
 const token = location.hash.slice(1);
 let socket = null, mayOrder = false, hasPictures = false, offered = token, wait = 250;
 let map = null, state = null, roster = new Map(), selected = null, sortBy = 'id', sortDown = false, refusals = null;
-const camera = { x: 0, y: 0, scale: 1, isSet: false };
+const camera = { x: 0, y: 0, scale: 1, isSet: false, isMoved: false };
 const orbit = { azimuth: 220, elevation: 35, distance: 120 };
 const keys = new Set();
 let driven = null, steering = 0;
@@ -41,6 +41,7 @@ function hear(message) {
     wait = 250;
     [mayOrder, hasPictures] = [message.may_order, message.has_pictures];
     for (const id of ['start', 'pause', 'reset', 'speed']) $(id).disabled = !mayOrder;
+    $('drive').disabled = !mayOrder || selected === null;
     $('mode').disabled = !hasPictures;
     if (message.no_pictures) notice(`No pictures: ${message.no_pictures}`);
     refusals = null;
@@ -183,6 +184,7 @@ function path({ w, p }) {
 }
 
 function move(dx, dy) {
+  camera.isMoved = true;
   camera.x -= dx / camera.scale;
   camera.y += dy / camera.scale;
   requestAnimationFrame(draw);
@@ -190,6 +192,7 @@ function move(dx, dy) {
 }
 
 function zoom(factor) {
+  camera.isMoved = true;
   camera.scale = Math.min(60, Math.max(0.05, camera.scale / factor));
   requestAnimationFrame(draw);
 }
@@ -238,7 +241,11 @@ $('plan').addEventListener('keydown', (event) => {
   else return;
   event.preventDefault();
 });
-addEventListener('resize', () => { requestAnimationFrame(draw); look(); });
+addEventListener('resize', () => {
+  if (map && !camera.isMoved) showAll();
+  requestAnimationFrame(draw);
+  look();
+});
 
 // Table, numbers and events
 
