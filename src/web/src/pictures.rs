@@ -37,6 +37,12 @@ const LARGEST: [u32; 2] = [1280, 960];
 /// What is drawn: a camera, and the size of its picture.
 type ViewKey = (PageView, [u32; 2]);
 
+/// A state of the city: run and tick.
+type StateNumber = (u32, u64);
+
+/// A view that is wanted, and the state of its last picture.
+type WantedView = (ViewKey, Option<StateNumber>);
+
 /// A picture and its number, which counts those of its view.
 #[derive(Clone, Debug, Default)]
 struct Shown {
@@ -49,8 +55,8 @@ struct SharedView {
     lookers: usize,
     /// A page has shown the last picture, and wants another.
     is_wanted: bool,
-    /// Run, tick and time of the last picture: the same state is not drawn twice.
-    drawn: Option<(u32, u64)>,
+    /// State of the last picture: the same one is not drawn twice.
+    drawn: Option<StateNumber>,
     latest: watch::Sender<Shown>,
 }
 
@@ -74,7 +80,7 @@ impl SharedDesk {
     }
 
     /// Waits for views that are wanted; `None` at the end.
-    fn wait(&self) -> Option<Vec<(ViewKey, Option<(u32, u64)>)>> {
+    fn wait(&self) -> Option<Vec<WantedView>> {
         let mut desk = self.desk();
         loop {
             if desk.is_over {
@@ -90,7 +96,7 @@ impl SharedDesk {
     }
 
     /// Hands on a picture, if somebody still looks.
-    fn show(&self, key: &ViewKey, state: (u32, u64), jpeg: Vec<u8>) {
+    fn show(&self, key: &ViewKey, state: StateNumber, jpeg: Vec<u8>) {
         if let Some(view) = self.desk().views.get_mut(key) {
             (view.is_wanted, view.drawn) = (false, Some(state));
             view.latest.send_modify(|shown| {
