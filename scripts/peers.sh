@@ -3,6 +3,8 @@
 #
 #   scripts/peers.sh rosbridge [SECONDS]   the roundabout over rosbridge, 120 s unless told otherwise: a server of Autobahn,
 #                                          Twisted and rospy (what rosbridge_suite is made of) under a roscore of its own
+#   scripts/peers.sh web [FOLDER]          the web page in Debian's Chromium: plan, table, preview, start, drive, reconnect,
+#                                          twenty pages; pictures of it go to FOLDER, out/web unless told otherwise
 #
 # To check against rosbridge_suite itself, where it is installed: ROSBRIDGE=ws://127.0.0.1:9090 scripts/peers.sh rosbridge.
 # Another program than that of this folder: CITY3D=/usr/bin/city3d scripts/peers.sh rosbridge.
@@ -74,11 +76,56 @@ rosbridge() {
     /usr/bin/python3 tests/peers/rosbridge_report.py "$folder" "$seconds"
 }
 
+# Serves the roundabout on a port, with a mainframe that brings the vehicles.
+serve_page() {
+    # Of a city before: its lines are not those that are waited for.
+    rm -f "$folder/city.out"
+    (trap - INT; exec "$city3d" serve roundabout --headless --bind 127.0.0.1:0 "--web=127.0.0.1:$port") \
+        >"$folder/city.out" 2>"$folder/city.err" &
+    city=$!
+    wait_for "$folder/city.out" "web page is at"
+    local address
+    address=$(sed -n 's/.*on udp \([0-9.:]*\).*/\1/p' "$folder/city.out")
+    (trap - INT; exec "$city3d" mainframe roundabout --city "$address") >"$folder/mainframe.out" 2>&1 &
+    mainframe=$!
+    processes=("$city" "$mainframe")
+}
+
+web() {
+    local pictures=${1:-out/web} city3d=${CITY3D:-} port city mainframe
+    install_packages chromium
+    python3 -m venv "$folder/python"
+    "$folder/python/bin/pip" install --quiet websockets==17.4
+    if [[ -z "$city3d" ]]; then
+        cargo build --release --locked
+        city3d="${CARGO_TARGET_DIR:-target}/release/city3d"
+    fi
+    port=$(free_port)
+    serve_page
+    mkfifo "$folder/restart"
+    say "the web page in Chromium"
+    "$folder/python/bin/python" tests/peers/web.py chromium "$(grep -o 'http://.*' "$folder/city.out")" "$pictures" \
+        "$folder/restart" &
+    local browser=$!
+    # The browser asks for another city at the same address; where it fails, it closes the pipe.
+    if read -r _ <"$folder/restart"; then
+        kill -INT "$city" "$mainframe"
+        wait "$city" "$mainframe" || true
+        serve_page
+    fi
+    wait "$browser"
+}
+
 case "${1:-}" in
+    web)
+        set_up
+        shift
+        web "$@"
+        ;;
     rosbridge)
         set_up_tests
         shift
         rosbridge "$@"
         ;;
-    *) die "usage: scripts/peers.sh rosbridge [SECONDS]" ;;
+    *) die "usage: scripts/peers.sh rosbridge [SECONDS], or web [FOLDER]" ;;
 esac

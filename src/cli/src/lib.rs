@@ -37,6 +37,8 @@ mod testbed;
 mod values;
 #[cfg(feature = "window")]
 mod view;
+#[cfg(feature = "web")]
+mod web;
 
 use city3d_dynamics::vehicle::ModelKind;
 use city3d_network::link::read_key;

@@ -44,6 +44,9 @@ pub struct ServeArgs {
     speed: f64,
     #[command(flatten)]
     ros: ServedRosArgs,
+    #[cfg(feature = "web")]
+    #[command(flatten)]
+    web: super::web::WebArgs,
     /// Open no window [default where there is no display]
     #[arg(long)]
     headless: bool,
@@ -88,12 +91,22 @@ pub fn serve(args: &ServeArgs) -> Result<(), Failure> {
         .with_end(poses);
     session = urgent.into_iter().fold(session, Session::with_end).with_end(Box::new(files));
     session = later.into_iter().fold(session, Session::with_end);
+    #[cfg(feature = "web")]
+    let web = args.web.start(&experiment, session.orders())?;
+    #[cfg(feature = "web")]
+    if let Some(web) = &web {
+        session = session.with_end(Box::new(web.end()));
+        #[cfg(feature = "render")]
+        web.draw(super::look::opener(&args.ros.look(), &experiment));
+    }
     if args.is_watched() {
         session = session.reporting(status::reporter());
     }
     let pace = if args.lockstep { ", in lockstep" } else { "" };
     say(format_args!("{} is served on udp {address}{pace}", experiment.name))?;
     let session = session.spawn(Some(Arc::clone(&written)))?;
+    #[cfg(feature = "web")]
+    web.iter().try_for_each(|web| super::web::open(web, &session))?;
     if let Some(session) = args.show(session, &experiment)? {
         session.wait()?;
     }

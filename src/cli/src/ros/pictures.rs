@@ -30,7 +30,7 @@ pub struct PictureArgs {
 }
 
 impl PictureArgs {
-    #[cfg(feature = "window")]
+    #[cfg(any(feature = "window", feature = "web"))]
     pub fn look(&self) -> LookArgs {
         self.look.clone()
     }

@@ -143,6 +143,11 @@ impl SessionHandle {
         self.latest_state.get()
     }
 
+    /// The latest states, for a reader without the handle.
+    pub fn published(&self) -> PublishedState {
+        PublishedState(Arc::clone(&self.latest_state))
+    }
+
     /// What ends the session without the handle.
     pub fn stopper(&self) -> SessionStopper {
         SessionStopper {
@@ -162,8 +167,15 @@ impl SessionHandle {
     /// # Errors
     /// When the source could not go on.
     pub fn stop(mut self) -> Result<FilesWritten, SessionError> {
-        self.stop.store(true, Ordering::Relaxed);
+        self.end();
         self.join()
+    }
+
+    /// Sets the flag that ends the session, and wakes it: somebody else may give it orders, too.
+    fn end(&self) {
+        self.stop.store(true, Ordering::Relaxed);
+        // Any order wakes it; none is carried out any more.
+        self.send(Order::Pause);
     }
 
     /// Waits until the session ends by itself or by its flag.
@@ -217,7 +229,7 @@ impl SessionStopper {
 
 impl Drop for SessionHandle {
     fn drop(&mut self) {
-        self.stop.store(true, Ordering::Relaxed);
+        self.end();
         if self.thread.is_some()
             && let Err(error) = self.join()
         {

@@ -1,0 +1,25 @@
+//! A web page as an end of a city that runs: a small HTTP and WebSocket server on a thread of its own. It reads the
+//! latest state that the session publishes, so that nothing that a browser does can delay the city. Whoever has the
+//! token of the address gives orders; all others watch.
+
+#![allow(clippy::disallowed_types, reason = "has the sockets and the threads of the page")]
+
+mod client;
+mod control;
+mod counters;
+mod feed;
+mod http;
+mod message;
+#[cfg(feature = "render")]
+mod pictures;
+#[cfg(not(feature = "render"))]
+#[path = "no_pictures.rs"]
+mod pictures;
+mod server;
+mod token;
+
+pub use counters::WebCounts;
+#[cfg(feature = "render")]
+pub use pictures::PictureDrawer;
+pub use server::{WebEnd, WebError, WebOptions, WebServer};
+pub use token::Token;

@@ -1,0 +1,379 @@
+// The page of a city: it draws what the server tells, and asks for what the person wants. Nothing comes from elsewhere.
+'use strict';
+const $ = (id) => document.getElementById(id);
+const LARGE = 0, SMALL = 1;
+const token = location.hash.slice(1);
+let socket = null, mayOrder = false, hasPictures = false, offered = token, wait = 250;
+let map = null, state = null, roster = new Map(), selected = null, sortBy = 'id', sortDown = false, refusals = null;
+const camera = { x: 0, y: 0, scale: 1, isSet: false, isMoved: false };
+const orbit = { azimuth: 220, elevation: 35, distance: 120 };
+const keys = new Set();
+let driven = null, steering = 0;
+
+function send(message) {
+  if (socket && socket.readyState === WebSocket.OPEN) socket.send(JSON.stringify(message));
+}
+
+function notice(text) {
+  $('notice').textContent = text || '';
+  $('notice').hidden = !text;
+}
+
+function connect() {
+  socket = new WebSocket(`ws://${location.host}/socket`);
+  socket.binaryType = 'blob';
+  socket.onopen = () => send({ t: 'hello', token: offered || null });
+  socket.onmessage = (event) => typeof event.data === 'string' ? hear(JSON.parse(event.data)) : show(event.data);
+  socket.onclose = (event) => {
+    if (event.code === 4401) {
+      offered = '';
+      notice('The token of this address is not that of the city: this page watches. Open the address that the city prints.');
+    }
+    stopDriving();
+    $('status').textContent = 'no connection; trying again';
+    setTimeout(connect, wait);
+    wait = Math.min(2 * wait, 4000);
+  };
+}
+
+function hear(message) {
+  if (message.t === 'welcome') {
+    wait = 250;
+    [mayOrder, hasPictures] = [message.may_order, message.has_pictures];
+    for (const id of ['start', 'pause', 'reset', 'speed']) $(id).disabled = !mayOrder;
+    $('drive').disabled = !mayOrder || selected === null;
+    $('mode').disabled = !hasPictures;
+    if (message.no_pictures) notice(`No pictures: ${message.no_pictures}`);
+    refusals = null;
+    look();
+  } else if (message.t === 'map') {
+    map = message;
+    $('scenario').textContent = map.scenario;
+    if (!camera.isSet) showAll();
+  } else if (message.t === 'roster') {
+    roster = new Map(message.vehicles.map(([id, name, length, width]) => [id, { name, length, width }]));
+    tabulate();
+  } else if (message.t === 'events') {
+    listEvents(message);
+  } else if (message.t === 'state') {
+    state = message;
+    requestAnimationFrame(draw);
+    tell();
+  } else if (message.t === 'notice') {
+    notice(message.text);
+  } else if (message.t === 'pong') {
+    window.roundTrip = performance.now() - message.sent_ms;
+  }
+}
+
+// Pictures
+
+const shownUrl = [null, null];
+async function show(blob) {
+  const slot = new Uint8Array(await blob.slice(0, 1).arrayBuffer())[0];
+  const image = slot === LARGE ? $('large') : $('small');
+  const url = URL.createObjectURL(blob.slice(1, blob.size, 'image/jpeg'));
+  image.src = url;
+  try { await image.decode(); } catch { /* another one has taken its place */ }
+  if (shownUrl[slot]) URL.revokeObjectURL(shownUrl[slot]);
+  shownUrl[slot] = url;
+  image.dataset.pictures = Number(image.dataset.pictures || 0) + 1;
+  window.firstPicture ??= performance.now();
+  send({ t: 'seen', slot });
+}
+
+function size(image, aspect) {
+  const width = Math.round(Math.min(image.clientWidth || 480, 960));
+  return { width, height: Math.round(width / aspect) };
+}
+
+function largeView() {
+  const [x_m, y_m] = [Math.round(camera.x), Math.round(camera.y)];
+  switch ($('mode').value) {
+    case 'chase': return selected === null ? null : { mode: 'chase', vehicle: selected };
+    case 'orbit': return { mode: 'orbit', x_m, y_m, distance_m: Math.round(orbit.distance),
+      azimuth_deg: Math.round(orbit.azimuth), elevation_deg: Math.round(orbit.elevation) };
+    case 'overhead': return { mode: 'overhead', x_m, y_m, height_m: Math.round(orbit.distance) };
+    default: return null;
+  }
+}
+
+const asked = ['', ''];
+function look(slot) {
+  if (slot === undefined) { asked.fill(''); look(LARGE); look(SMALL); return; }
+  if (!hasPictures) return;
+  const view = slot === LARGE ? largeView() : selected === null ? null : { mode: 'onboard', vehicle: selected };
+  const message = { t: 'look', slot, view, ...(slot === LARGE ? size($('large'), 16 / 9) : size($('small'), 4 / 3)) };
+  const text = JSON.stringify(message);
+  if (text !== asked[slot]) { asked[slot] = text; send(message); }
+}
+
+let isLookDue = false;
+function lookSoon() {
+  if (isLookDue) return;
+  isLookDue = true;
+  setTimeout(() => { isLookDue = false; look(LARGE); }, 80);
+}
+
+$('mode').onchange = () => look(LARGE);
+drag($('large'), (dx, dy) => {
+  orbit.azimuth = (orbit.azimuth - dx * 0.4 + 720) % 360;
+  orbit.elevation = Math.min(89, Math.max(5, orbit.elevation + dy * 0.3));
+  lookSoon();
+}, (factor) => { orbit.distance = Math.min(1000, Math.max(10, orbit.distance * factor)); lookSoon(); });
+
+// Plan
+
+function showAll() {
+  const canvas = $('plan'), [x0, y0, x1, y1] = map.bounds;
+  camera.x = (x0 + x1) / 2;
+  camera.y = (y0 + y1) / 2;
+  camera.scale = Math.min(canvas.clientWidth / (x1 - x0), canvas.clientHeight / (y1 - y0)) * 0.95;
+  camera.isSet = true;
+  requestAnimationFrame(draw);
+}
+
+let roads = null;
+function draw() {
+  if (!map) return;
+  const canvas = $('plan'), ratio = window.devicePixelRatio || 1;
+  const [width, height] = [canvas.clientWidth, canvas.clientHeight];
+  if (canvas.width !== Math.round(width * ratio)) canvas.width = Math.round(width * ratio);
+  if (canvas.height !== Math.round(height * ratio)) canvas.height = Math.round(height * ratio);
+  if (!roads || roads.of !== map) roads = { of: map, lanes: map.lanes.map(path) };
+  const pen = canvas.getContext('2d');
+  pen.setTransform(1, 0, 0, 1, 0, 0);
+  pen.fillStyle = '#12161b';
+  pen.fillRect(0, 0, canvas.width, canvas.height);
+  const scale = camera.scale * ratio;
+  pen.setTransform(scale, 0, 0, -scale, canvas.width / 2 - camera.x * scale, canvas.height / 2 + camera.y * scale);
+  pen.strokeStyle = '#39424e';
+  for (const lane of roads.lanes) { pen.lineWidth = lane.width; pen.stroke(lane.path); }
+  for (const [id, x, y, yaw, , status] of state?.vehicles ?? []) {
+    const { length = 4.5, width: breadth = 1.8, name = id } = roster.get(id) ?? {};
+    const grow = Math.max(1, 9 / (length * camera.scale));
+    pen.save();
+    pen.translate(x, y);
+    pen.rotate(yaw);
+    pen.scale(grow, grow);
+    pen.fillStyle = id === selected ? '#6cb6ff' : status === 'collided' ? '#ff6b5e' : '#f0c65a';
+    pen.beginPath();
+    pen.moveTo(length / 2, 0);
+    pen.lineTo(length / 4, breadth / 2);
+    pen.lineTo(-length / 2, breadth / 2);
+    pen.lineTo(-length / 2, -breadth / 2);
+    pen.lineTo(length / 4, -breadth / 2);
+    pen.fill();
+    pen.restore();
+    if (id === selected) {
+      pen.save();
+      pen.translate(x, y);
+      pen.scale(1 / camera.scale, -1 / camera.scale);
+      pen.fillStyle = '#dde3ea';
+      pen.font = '13px system-ui, sans-serif';
+      pen.fillText(name, 10, -8);
+      pen.restore();
+    }
+  }
+}
+
+function path({ w, p }) {
+  const line = new Path2D();
+  for (let k = 0; k < p.length; k += 2) line[k ? 'lineTo' : 'moveTo'](p[k], p[k + 1]);
+  return { width: w, path: line };
+}
+
+function move(dx, dy) {
+  camera.isMoved = true;
+  camera.x -= dx / camera.scale;
+  camera.y += dy / camera.scale;
+  requestAnimationFrame(draw);
+  lookSoon();
+}
+
+function zoom(factor) {
+  camera.isMoved = true;
+  camera.scale = Math.min(60, Math.max(0.05, camera.scale / factor));
+  requestAnimationFrame(draw);
+}
+
+// Dragging with one pointer moves, a wheel or two pointers zoom.
+function drag(element, onMove, onZoom) {
+  const pointers = new Map();
+  element.addEventListener('pointerdown', (event) => {
+    pointers.set(event.pointerId, event);
+    element.setPointerCapture(event.pointerId);
+    event.preventDefault();
+    element.focus();
+  });
+  element.addEventListener('pointermove', (event) => {
+    const before = pointers.get(event.pointerId);
+    if (!before) return;
+    if (pointers.size === 2) {
+      const other = [...pointers.values()].find((p) => p.pointerId !== event.pointerId);
+      const span = (p) => Math.hypot(p.clientX - other.clientX, p.clientY - other.clientY);
+      onZoom(span(before) / Math.max(1, span(event)));
+    } else {
+      onMove(event.clientX - before.clientX, event.clientY - before.clientY);
+    }
+    pointers.set(event.pointerId, event);
+  });
+  for (const end of ['pointerup', 'pointercancel']) element.addEventListener(end, (event) => pointers.delete(event.pointerId));
+  element.addEventListener('wheel', (event) => { event.preventDefault(); onZoom(event.deltaY > 0 ? 1.15 : 1 / 1.15); },
+    { passive: false });
+}
+
+drag($('plan'), move, zoom);
+$('plan').addEventListener('click', (event) => {
+  const box = $('plan').getBoundingClientRect();
+  const x = camera.x + (event.clientX - box.left - box.width / 2) / camera.scale;
+  const y = camera.y - (event.clientY - box.top - box.height / 2) / camera.scale;
+  const near = (state?.vehicles ?? []).map((v) => [Math.hypot(v[1] - x, v[2] - y), v[0]]).sort((a, b) => a[0] - b[0])[0];
+  if (near && near[0] * camera.scale < 20) select(near[1]);
+});
+$('plan').addEventListener('keydown', (event) => {
+  if (driven !== null) return;
+  const steps = { ArrowLeft: [40, 0], ArrowRight: [-40, 0], ArrowUp: [0, 40], ArrowDown: [0, -40] };
+  if (steps[event.key]) move(...steps[event.key]);
+  else if (event.key === '+') zoom(0.8);
+  else if (event.key === '-') zoom(1.25);
+  else if (event.key === '0' && map) showAll();
+  else return;
+  event.preventDefault();
+});
+addEventListener('resize', () => {
+  if (map && !camera.isMoved) showAll();
+  requestAnimationFrame(draw);
+  look();
+});
+
+// Table, numbers and events
+
+function select(id) {
+  if (driven !== null && driven !== id) stopDriving();
+  selected = id;
+  $('selected').textContent = roster.get(id)?.name ?? `vehicle ${id}`;
+  $('drive').disabled = !mayOrder;
+  $('small').removeAttribute('src');
+  look(SMALL);
+  look(LARGE);
+  tabulate();
+  requestAnimationFrame(draw);
+}
+
+for (const button of document.querySelectorAll('th button')) {
+  button.onclick = () => {
+    sortDown = sortBy === button.dataset.by && !sortDown;
+    sortBy = button.dataset.by;
+    tabulate();
+  };
+}
+
+function tabulate() {
+  if (!state) return;
+  const value = { id: (v) => v[0], name: (v) => roster.get(v[0])?.name ?? '', status: (v) => v[5], speed: (v) => v[4] }[sortBy];
+  const order = (a, b) => (value(a) < value(b) ? -1 : value(a) > value(b) ? 1 : a[0] - b[0]) * (sortDown ? -1 : 1);
+  const rows = $('rows'), vehicles = [...state.vehicles].sort(order);
+  while (rows.rows.length > vehicles.length) rows.deleteRow(-1);
+  while (rows.rows.length < vehicles.length) {
+    const row = rows.insertRow();
+    for (let k = 0; k < 5; k += 1) row.insertCell();
+    row.tabIndex = 0;
+    row.onclick = () => select(Number(row.dataset.id));
+    row.onkeydown = (event) => { if (event.key === 'Enter' || event.key === ' ') { event.preventDefault(); row.onclick(); } };
+  }
+  vehicles.forEach((v, k) => {
+    const row = rows.rows[k];
+    row.dataset.id = v[0];
+    row.setAttribute('aria-selected', v[0] === selected);
+    const texts = [v[0], roster.get(v[0])?.name ?? '', v[5], `${v[1].toFixed(1)}, ${v[2].toFixed(1)}`, `${v[4].toFixed(1)} m/s`];
+    texts.forEach((text, c) => { if (row.cells[c].textContent !== String(text)) row.cells[c].textContent = text; });
+  });
+}
+
+let tabulatedAt = 0;
+function tell() {
+  const leader = state.leader ? `, led by ${state.leader}` : '';
+  $('status').textContent = `${state.ended ? 'ended' : state.phase} at ${state.time.toFixed(1)} s, ${state.vehicles.length} vehicles${leader}${mayOrder ? '' : ' (watching)'}`;
+  if (refusals !== null && state.refusal && state.refusal[0] !== refusals) notice(state.refusal[1]);
+  refusals = state.refusal ? state.refusal[0] : 0;
+  const own = state.vehicles.find((v) => v[0] === selected);
+  if (own) {
+    const degrees = own[6] * 180 / Math.PI;
+    $('steering').value = -degrees;
+    $('steering_text').textContent = `${degrees.toFixed(0)}° left`;
+    [$('gas').value, $('brake').value, $('handbrake').value] = own.slice(7, 10);
+  }
+  if (performance.now() - tabulatedAt < 200) return;
+  tabulatedAt = performance.now();
+  tabulate();
+  const mean = state.vehicles.reduce((sum, v) => sum + v[4], 0) / Math.max(1, state.vehicles.length);
+  const facts = [['mean speed', `${mean.toFixed(2)} m/s`], ['real-time factor', state.rate], ['run', state.run], ['pages', state.pages],
+    ...state.ends.map(([name, delivered, dropped, failure]) => [name, failure ?? `${delivered} sent, ${dropped} dropped`])];
+  $('metrics').replaceChildren(...facts.flatMap(([name, text]) => {
+    const [term, detail] = [document.createElement('dt'), document.createElement('dd')];
+    [term.textContent, detail.textContent] = [name, text];
+    return [term, detail];
+  }));
+}
+
+function listEvents({ events }) {
+  $('events').replaceChildren(...events.slice(-60).reverse().map(([time, id, what]) => {
+    const item = document.createElement('li');
+    item.textContent = `${time.toFixed(1)} s ${roster.get(id)?.name ?? id}: ${what}`;
+    return item;
+  }));
+}
+
+// Experiment and driving
+
+for (const id of ['start', 'pause', 'reset']) $(id).onclick = () => { notice(''); send({ t: id }); };
+$('speed').onchange = () => { notice(''); send({ t: 'speed', factor: Number($('speed').value) }); };
+
+const PEDAL_KEYS = { KeyW: 'gas', ArrowUp: 'gas', KeyS: 'brake', ArrowDown: 'brake', KeyA: 'left', ArrowLeft: 'left',
+  KeyD: 'right', ArrowRight: 'right', Space: 'handbrake', KeyR: 'reverse' };
+const MAX_STEERING_RAD = 0.5, STEERING_RADPS = 1.2;
+
+$('drive').onclick = () => {
+  if (driven !== null) return stopDriving();
+  driven = selected;
+  steering = 0;
+  $('drive').setAttribute('aria-pressed', 'true');
+  $('drive').blur();
+};
+
+function stopDriving() {
+  if (driven === null) return;
+  send({ t: 'release' });
+  driven = null;
+  keys.clear();
+  $('drive').setAttribute('aria-pressed', 'false');
+}
+
+addEventListener('keydown', (event) => {
+  if (driven === null) return;
+  if (event.key === 'Escape') return stopDriving();
+  if (!PEDAL_KEYS[event.code]) return;
+  event.preventDefault();
+  if (!event.repeat) { keys.add(PEDAL_KEYS[event.code]); pedals(); }
+});
+addEventListener('keyup', (event) => { if (keys.delete(PEDAL_KEYS[event.code])) pedals(); });
+// A page that nobody looks at drives nothing.
+addEventListener('blur', stopDriving);
+
+function pedals() {
+  if (driven === null) return;
+  send({ t: 'drive', vehicle: driven, pedals: { gas: keys.has('gas') ? 0.6 : 0, brake: keys.has('brake') ? 0.8 : 0,
+    handbrake: keys.has('handbrake') ? 1 : 0, steering_rad: steering, reverse: keys.has('reverse') } });
+}
+
+setInterval(() => {
+  if (driven === null) return;
+  const wanted = (keys.has('left') ? 1 : 0) - (keys.has('right') ? 1 : 0);
+  const step = STEERING_RADPS * 0.04, goal = wanted * MAX_STEERING_RAD;
+  steering += Math.max(-step, Math.min(step, goal - steering));
+  pedals();
+}, 40);
+setInterval(() => send({ t: 'ping', sent_ms: performance.now() }), 2000);
+
+connect();

@@ -1,0 +1,148 @@
+#!/usr/bin/env python3
+"""A browser on the web page of a city: Chromium, driven over its DevTools protocol.
+
+web.py CHROMIUM URL FOLDER PIPE   opens the address with the token, uses the page, writes pictures of it into FOLDER,
+                                  and prints one line a finding; asks through PIPE for another city at the same
+                                  address; fails where something is not as it should be
+"""
+
+import asyncio
+import base64
+import json
+import os
+import re
+import subprocess
+import sys
+import tempfile
+import time
+import urllib.request
+
+import websockets
+
+FLAGS = [
+    "--headless", "--no-sandbox", "--disable-quic", "--no-first-run", "--disable-background-networking",
+    "--disable-component-update", "--disable-sync", "--remote-debugging-port=0", "--hide-scrollbars",
+]
+
+
+class Tab:
+    """One page of the browser."""
+
+    def __init__(self, socket):
+        self.socket, self.count = socket, 0
+
+    async def call(self, method, **params):
+        self.count += 1
+        await self.socket.send(json.dumps({"id": self.count, "method": method, "params": params}))
+        while True:
+            answer = json.loads(await self.socket.recv())
+            if answer.get("id") == self.count:
+                assert "error" not in answer, answer
+                return answer["result"]
+
+    async def run(self, script):
+        found = await self.call("Runtime.evaluate", expression=script, awaitPromise=True, returnByValue=True)
+        assert "exceptionDetails" not in found, found
+        return found["result"].get("value")
+
+    async def until(self, script, seconds=30):
+        end = time.monotonic() + seconds
+        while time.monotonic() < end:
+            if await self.run(script):
+                return
+            await asyncio.sleep(0.02)
+        raise AssertionError(f"not within {seconds} s: {script}; status: {await self.run('$(`status`).textContent')}")
+
+    async def shoot(self, path, size=(1280, 900), phone=False):
+        await self.call("Emulation.setDeviceMetricsOverride", width=size[0], height=size[1], deviceScaleFactor=1,
+                        mobile=phone)
+        await asyncio.sleep(0.7)
+        picture = await self.call("Page.captureScreenshot", format="png")
+        with open(path, "wb") as file:
+            file.write(base64.b64decode(picture["data"]))
+
+
+def ask(port, path, method="GET"):
+    request = urllib.request.Request(f"http://127.0.0.1:{port}{path}", method=method)
+    return json.load(urllib.request.urlopen(request))
+
+
+async def open_tab(port, url):
+    place = ask(port, "/json/new?about:blank", "PUT")["webSocketDebuggerUrl"]
+    tab = Tab(await websockets.connect(place, max_size=None))
+    await tab.call("Page.enable")
+    await tab.call("Page.navigate", url=url)
+    return tab
+
+
+async def check(port, url, folder, restart):
+    tab = await open_tab(port, url)
+    await tab.until("typeof state === 'object' && state !== null && map !== null")
+    await tab.until("mayOrder && state.vehicles.length > 0")
+    print("page: state after", round(await tab.run("performance.now()")), "ms of the page's life (upper bound)")
+    await tab.run("select(state.vehicles[0][0])")
+    await tab.until("$('small').dataset.pictures > 0")
+    print("page: first picture after", round(await tab.run("window.firstPicture")), "ms of the page's life")
+    await tab.run("$('start').click()")
+    await tab.until("state.phase === 'running'")
+    await tab.run("$('mode').value = 'orbit'; $('mode').onchange()")
+    await tab.until("$('large').dataset.pictures > 3")
+    await asyncio.sleep(4)
+    await tab.shoot(f"{folder}/page.png")
+    for mode in ["chase", "overhead"]:
+        await tab.run(f"$('mode').value = '{mode}'; $('large').dataset.pictures = 0; $('mode').onchange()")
+        await tab.until("$('large').dataset.pictures > 2")
+    await tab.shoot(f"{folder}/phone.png", (390, 1400), True)
+    await tab.call("Emulation.clearDeviceMetricsOverride")
+
+    await tab.run("$('drive').click()")
+    await tab.run("""window.pressed = performance.now(); window.moved = 0; window.pictured = 0;
+        window.manual = setInterval(() => { const v = state.vehicles.find((v) => v[0] === selected);
+            if (!window.moved && v[5] === 'manual' && v[7] > 0.5) {
+                window.moved = performance.now(); $('small').addEventListener('load', () => {
+                    window.pictured ||= performance.now(); }); } }, 1);""")
+    await tab.call("Input.dispatchKeyEvent", type="keyDown", key="w", code="KeyW")
+    await tab.until("window.pictured > 0")
+    print("drive: key to state", round(await tab.run("moved - pressed")), "ms, to the next picture",
+          round(await tab.run("pictured - pressed")), "ms")
+    await tab.shoot(f"{folder}/drive.png")
+    await tab.call("Input.dispatchKeyEvent", type="keyUp", key="w", code="KeyW")
+    await tab.run("stopDriving()")
+    await tab.until("state.vehicles.find((v) => v[0] === selected)[5] !== 'manual'")
+
+    watching = url.split("#")[0]
+    others = [await open_tab(port, watching) for _ in range(19)]
+    await tab.until("state.pages === 20", 60)
+    is_told = "typeof state === 'object' && state !== null && !mayOrder"
+    await asyncio.gather(*(other.until(is_told, 60) for other in others))
+    rate = await tab.run("state.rate")
+    print("twenty pages: real-time factor", rate)
+    await tab.shoot(f"{folder}/twenty.png")
+
+    before = time.monotonic()
+    restart.write("another city\n")
+    restart.flush()
+    # The token is that of the city before, so the page watches.
+    await tab.until("state.tick < 2000 && !mayOrder && state.vehicles.length > 0", 60)
+    print("restart: the page shows the new city after", round(time.monotonic() - before, 1), "s")
+    await tab.shoot(f"{folder}/restart.png")
+
+
+async def main(chromium, url, folder, pipe):
+    with tempfile.TemporaryDirectory() as profile, open(pipe, "w", encoding="utf-8") as restart:
+        browser = subprocess.Popen([chromium, *FLAGS, f"--user-data-dir={profile}", "about:blank"],
+                                   stderr=subprocess.PIPE, text=True)
+        try:
+            for line in browser.stderr:
+                found = re.search(r"ws://127\.0\.0\.1:(\d+)/", line)
+                if found:
+                    break
+            await check(int(found.group(1)), url, folder, restart)
+        finally:
+            browser.terminate()
+            browser.wait()
+
+
+if __name__ == "__main__":
+    os.makedirs(sys.argv[3], exist_ok=True)
+    asyncio.run(main(*sys.argv[1:5]))
