@@ -1,5 +1,6 @@
 //! The page's server with real clients: who may do what, and what hostile and slow ones come to.
 
+#![allow(clippy::unwrap_used, reason = "a test may end where it finds something wrong")]
 #![allow(clippy::disallowed_types, reason = "connects to a server on this machine")]
 
 use city3d_session::{Host, LocalCity, Session, SessionHandle};
