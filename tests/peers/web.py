@@ -111,6 +111,15 @@ async def check(port, url, folder, restart):
     await tab.until("state.vehicles.find((v) => v[0] === selected)[5] !== 'manual'")
 
     watching = url.split("#")[0]
+    visitor = await open_tab(port, watching)
+    await visitor.until("typeof state === 'object' && state !== null && state.vehicles.length > 0")
+    await visitor.run("select(state.vehicles[1][0])")
+    await visitor.until("$('small').dataset.pictures > 0")
+    first = round(await visitor.run("window.firstPicture"))
+    print("a visitor: first picture after", first, "ms of the page's life")
+    assert first < 1000, first
+    await visitor.call("Page.close")
+
     others = [await open_tab(port, watching) for _ in range(19)]
     await tab.until("state.pages === 20", 60)
     is_told = "typeof state === 'object' && state !== null && !mayOrder"

@@ -33,6 +33,8 @@ const JPEG_QUALITY: u8 = 80;
 const SIZE_STEP: u32 = 32;
 const SMALLEST: u32 = 96;
 const LARGEST: [u32; 2] = [1280, 960];
+/// The picture that nobody sees.
+const WARM_UP: ViewKey = (PageView::Overhead { x_m: 0, y_m: 0, height_m: 100 }, [SMALLEST; 2]);
 
 /// What is drawn: a camera, and the size of its picture.
 type ViewKey = (PageView, [u32; 2]);
@@ -240,6 +242,10 @@ impl Drop for Look {
 
 fn draw(open: PictureDrawer, shared: &SharedDesk, state: &OnceLock<PublishedState>) -> Result<(), String> {
     let mut renderer = open(1).map_err(|error| error.to_string())?;
+    // The first picture prepares the city and its shaders: not while a page waits for it.
+    if let Some(run) = first_state(shared, state) {
+        draw_views(&mut renderer, &run, &[WARM_UP])?;
+    }
     while let Some(wanted) = shared.wait() {
         let begun = Instant::now();
         let Some(run) = state.get().map(PublishedState::run_state) else {
@@ -261,6 +267,19 @@ fn draw(open: PictureDrawer, shared: &SharedDesk, state: &OnceLock<PublishedStat
         std::thread::sleep(DRAW_INTERVAL.saturating_sub(begun.elapsed()));
     }
     Ok(())
+}
+
+/// The first state of the city; `None` where the server ends before there is one.
+fn first_state(shared: &SharedDesk, state: &OnceLock<PublishedState>) -> Option<Arc<RunState>> {
+    loop {
+        if let Some(state) = state.get() {
+            return Some(state.run_state());
+        }
+        if shared.desk().is_over {
+            return None;
+        }
+        std::thread::sleep(STILL_WAIT);
+    }
 }
 
 /// Draws views of a state; a vehicle that has left has no picture.
