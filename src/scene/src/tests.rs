@@ -52,6 +52,18 @@ fn nothing_lies_on_a_lane_but_what_belongs_to_it() {
     }
 }
 
+#[test]
+fn walls_for_labels_reach_up_to_roofs_and_spires() {
+    let map = city();
+    let walls = SceneDescription::walls_of(&map);
+    let highest_m = walls.iter().map(|wall| wall.height_m).fold(0.0, f32::max);
+    let buildings = map.scenery.iter().enumerate().filter(|(_, piece)| piece.kind == SceneryKind::Building);
+    let eaves = buildings
+        .flat_map(|(index, piece)| buildings::opaque_walls(&SeededScenery { piece, seed: index as u32 }));
+    let (count, eaves_m) = eaves.fold((0, 0.0), |(count, high), wall| (count + 1, wall.height_m.max(high)));
+    assert!(walls.len() > count && highest_m > eaves_m + 1.0, "{highest_m} m, eaves at {eaves_m} m");
+}
+
 /// To within a millimetre; slivers cover nothing.
 fn covers(t: &[Vec2; 3], p: Vec2) -> bool {
     let doubled_area = (t[1] - t[0]).perp_dot(t[2] - t[0]);

@@ -345,10 +345,14 @@ fn the_bar_picks_scenarios_cameras_and_looks() {
 #[test]
 fn a_notice_does_not_cover_the_name_of_the_followed_vehicle() {
     let mut harness = with(2);
+    harness.set_size(Vec2::new(960.0, 600.0));
     harness.state_mut().state.selection.vehicle = Some(VehicleId(1));
     press(&mut harness, egui::Key::Num2);
     let now_s = harness.ctx.input(|input| input.time);
-    harness.state_mut().state.say("A sentence that says what has come of it and what can be done now", now_s);
+    harness.state_mut().state.say(
+        "A sentence that says what has come of it, at such a length that it is as wide as the view",
+        now_s,
+    );
     harness.run_steps(2);
     let place = |words: &str| {
         let found = harness.output().shapes.iter().find_map(|clipped| match &clipped.shape {

@@ -68,6 +68,8 @@ pub struct Desk {
     pub has_control_data: bool,
     pub city: CityKind,
     pub lists: StartLists,
+    /// Name of the scenario.
+    pub scenario: &'static str,
     pub edit: Option<EditedFile>,
 }
 
@@ -189,6 +191,7 @@ impl Desk {
             events: Vec::new(),
             city: CityKind::Local,
             lists: StartLists::default(),
+            scenario: "straight",
             edit: None,
         }
     }
@@ -232,7 +235,7 @@ impl Desk {
             routes: &self.routes,
             cameras: &self.cameras,
             steering_geometry: &self.steering_geometry,
-            scenario: "straight",
+            scenario: self.scenario,
             conditions: "seed 1, ideal environment",
             duration_s: 30.0,
             scenarios: &["straight", "city"].map(|name| ScenarioChoice {

@@ -513,10 +513,14 @@ fn what_cannot_be_opened_is_told_with_a_way_to_another_file() {
 fn names_times_and_work_do_not_move_the_bar() {
     let mut harness = with(6);
     let mut places = Vec::new();
-    for (hours, loading) in
-        [(12.0, None), (16.5, Some("Preparing low, low sun ...")), (8.0, None), (17.25, None)]
-    {
+    for (hours, loading, scenario) in [
+        (12.0, None, "straight"),
+        (16.5, Some("Preparing low, low sun ..."), "straight"),
+        (8.0, None, "city"),
+        (17.25, None, "/home/me/roundabout-coordinated-with-a-long-name.toml"),
+    ] {
         let desk = harness.state_mut();
+        desk.scenario = scenario;
         desk.state.look.hours = hours;
         desk.loading = loading.map(str::to_owned);
         harness.run_steps(3);

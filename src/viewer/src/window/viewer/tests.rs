@@ -257,9 +257,8 @@ fn the_settings_keep_recent_files() {
     viewer.close().unwrap();
 }
 
-#[test]
-fn who_leaves_a_vehicle_after_a_collision_is_told_what_to_do() {
-    let mut viewer = viewer(request("straight", 30.0), LogLocation::Nowhere);
+/// Drives a vehicle of a scenario into the one ahead.
+fn crash(viewer: &mut ViewerState) {
     let vehicles: Vec<VehicleId> = viewer.experiment.vehicles.iter().map(|vehicle| vehicle.id).collect();
     let run_state = viewer.run_state();
     let along = |id: &VehicleId| run_state.now.vehicle(*id).map(|v| v.forward().dot(v.position.truncate()));
@@ -269,11 +268,27 @@ fn who_leaves_a_vehicle_after_a_collision_is_told_what_to_do() {
     viewer.send(Order::Drive(behind, pedals));
     for tick in 1..=3000 {
         viewer.send(Order::Step);
-        let state = wait(&viewer, "a step", |state| state.now.tick == tick);
+        let state = wait(viewer, "a step", |state| state.now.tick == tick);
         if state.now.vehicle(behind).unwrap().status == Status::Collided {
             break;
         }
     }
+}
+
+#[test]
+fn a_collision_is_told_at_once() {
+    let mut viewer = viewer(request("straight", 30.0), LogLocation::Nowhere);
+    crash(&mut viewer);
+    pass(&mut viewer);
+    let (said, _) = viewer.state.notice.clone().expect("a message");
+    assert!(said.contains(", collision with ") && said.contains("(G shows"), "{said}");
+    viewer.close().unwrap();
+}
+
+#[test]
+fn who_leaves_a_vehicle_after_a_collision_is_told_what_to_do() {
+    let mut viewer = viewer(request("straight", 30.0), LogLocation::Nowhere);
+    crash(&mut viewer);
     viewer.act(vec![UiAction::GiveBack], 0.0);
     let (said, _) = viewer.state.notice.clone().unwrap();
     assert!(said.contains("has collided and stays") && said.contains("Ctrl+R"), "{said}");
