@@ -309,7 +309,7 @@ fn escape_closes_a_menu_and_only_then_lets_go_of_the_vehicle() {
 #[test]
 fn the_bar_starts_pauses_steps_and_resets() {
     let mut harness = with(6);
-    click(&mut harness, "\u{25b6} Start");
+    click(&mut harness, "\u{25b6} Continue");
     click(&mut harness, "\u{23ed} Step");
     click(&mut harness, "\u{27f2} Reset");
     harness.get_by_label("   2.50 s");
@@ -326,6 +326,22 @@ fn the_bar_starts_pauses_steps_and_resets() {
     press(&mut harness, egui::Key::Plus);
     let expected = [Order::Pause, Order::Pause, Order::Speed(Speed::Times(2.0))].map(UiAction::Order);
     assert_eq!(orders(&harness), expected);
+}
+
+#[test]
+fn a_run_is_started_at_its_start_and_continued_later() {
+    let mut desk = Desk::with(fleet(1));
+    desk.state.driving = Some(ManualDrive::take_over(VehicleId(1), 1, 0.0));
+    let mut harness = harness(desk);
+    for (time_s, button, box_says) in [
+        (0.0, "\u{25b6} Start", "Paused: Space starts the run"),
+        (1.0, "\u{25b6} Continue", "Paused: Space continues the run"),
+    ] {
+        harness.state_mut().change(|now| now.time_s = time_s);
+        harness.run_steps(2);
+        harness.get_by_label(button);
+        harness.get_by_label(box_says);
+    }
 }
 
 #[test]

@@ -346,6 +346,18 @@ fn a_finished_run_tells_what_came_of_it_and_what_can_be_done() {
 }
 
 #[test]
+fn the_card_tells_who_was_driven_by_hand() {
+    let mut desk = finished();
+    let mut of_run = outcome();
+    let driven = of_run.vehicles.values_mut().next().unwrap();
+    driven.driven_by_hand = true;
+    let told = format!("Driven by hand: {}", driven.name);
+    assert!(harness(finished()).query_by_label_contains("Driven by hand").is_none());
+    desk.run_state.outcome = Some(Arc::new(of_run));
+    harness(desk).get_by_label(&told);
+}
+
+#[test]
 fn the_result_can_be_seen_while_the_run_goes_on_beyond_its_end() {
     let mut desk = finished();
     desk.run_state.phase = RunPhase::Running;
@@ -541,7 +553,7 @@ fn at_the_usual_width_the_bar_has_one_row_whatever_the_light_is() {
         let look = &mut harness.state_mut().state.look;
         (look.hours, look.weather) = (hours, weather);
         harness.run_steps(3);
-        let [start, help] = ["\u{25b6} Start", "Help"].map(|label| harness.get_by_label(label).rect());
+        let [start, help] = ["\u{25b6} Continue", "Help"].map(|label| harness.get_by_label(label).rect());
         assert!((start.center().y - help.center().y).abs() < 4.0, "{hours}: {help:?}");
         assert!(before.is_none_or(|before| before == help), "nothing moves");
         before = Some(help);
@@ -577,8 +589,11 @@ fn who_means_to_pause_at_the_end_of_the_run_does_not_continue_it() {
     harness.step();
     assert_eq!(orders(&mut harness), []);
     let said = harness.state().state.notice.clone().unwrap().0;
-    assert_eq!(said, "The run has just come to its end. Continue beyond it (Space)");
+    assert_eq!(said, "The run has finished: Continue on its card goes beyond its end");
     harness.run_steps(20);
+    press(&mut harness, Key::Space);
+    assert_eq!(orders(&mut harness), [], "the card is open");
+    press(&mut harness, Key::Escape);
     press(&mut harness, Key::Space);
     assert_eq!(orders(&mut harness), [UiAction::Order(Order::Start)]);
 }
