@@ -459,6 +459,9 @@ fn the_run_waits_while_its_scenario_is_edited() {
         assert!(viewer.state.notice.as_ref().unwrap().0.contains("is edited"));
     }
     assert_eq!(viewer.run_state().phase, RunPhase::Ready);
+    viewer.state.notice = None;
+    viewer.act(vec![UiAction::PlaybackCommand(PlaybackCommand::Seek(0.0))], 0.0);
+    assert!(viewer.state.notice.as_ref().unwrap().0.contains("is edited") && !viewer.past.is_past());
     viewer.act(vec![UiAction::Edit(EditAction::End), UiAction::Order(Order::Step)], 0.0);
     wait(&viewer, "a step", |state| state.now.tick == 1);
 }
