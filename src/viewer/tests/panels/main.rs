@@ -14,6 +14,7 @@ mod live_timeline;
 mod numbers;
 mod overlays;
 mod plans;
+mod run_phases;
 mod runs;
 mod timeline;
 mod traffic;
@@ -326,22 +327,6 @@ fn the_bar_starts_pauses_steps_and_resets() {
     press(&mut harness, egui::Key::Plus);
     let expected = [Order::Pause, Order::Pause, Order::Speed(Speed::Times(2.0))].map(UiAction::Order);
     assert_eq!(orders(&harness), expected);
-}
-
-#[test]
-fn a_run_is_started_at_its_start_and_continued_later() {
-    let mut desk = Desk::with(fleet(1));
-    desk.state.driving = Some(ManualDrive::take_over(VehicleId(1), 1, 0.0));
-    let mut harness = harness(desk);
-    for (time_s, button, box_says) in [
-        (0.0, "\u{25b6} Start", "Paused: Space starts the run"),
-        (1.0, "\u{25b6} Continue", "Paused: Space continues the run"),
-    ] {
-        harness.state_mut().change(|now| now.time_s = time_s);
-        harness.run_steps(2);
-        harness.get_by_label(button);
-        harness.get_by_label(box_says);
-    }
 }
 
 #[test]

@@ -278,7 +278,7 @@ fn a_file_that_is_dropped_on_the_window_is_opened() {
 }
 
 /// The summary of a run of the desk's scenario with a collision and some stops.
-fn outcome() -> Summary {
+pub fn outcome() -> Summary {
     let experiment = experiment();
     let mut observer = Observer::new(&experiment);
     let mut snapshot = FrameSnapshot { time_s: 12.0, tick: 1200, ..FrameSnapshot::default() };
@@ -343,18 +343,6 @@ fn a_finished_run_tells_what_came_of_it_and_what_can_be_done() {
     harness.state_mut().run_state.run = 2;
     harness.run_steps(2);
     harness.get_by_label("Replay");
-}
-
-#[test]
-fn the_card_tells_who_was_driven_by_hand() {
-    let mut desk = finished();
-    let mut of_run = outcome();
-    let driven = of_run.vehicles.values_mut().next().unwrap();
-    driven.driven_by_hand = true;
-    let told = format!("Driven by hand: {}", driven.name);
-    assert!(harness(finished()).query_by_label_contains("Driven by hand").is_none());
-    desk.run_state.outcome = Some(Arc::new(of_run));
-    harness(desk).get_by_label(&told);
 }
 
 #[test]
@@ -575,27 +563,6 @@ fn the_list_of_the_light_has_the_weather_in_sight() {
     super::city::click_at(&mut harness, fog, 1);
     harness.run_steps(2);
     assert_eq!(harness.state().state.look.weather, Weather::Fog);
-}
-
-#[test]
-fn who_means_to_pause_at_the_end_of_the_run_does_not_continue_it() {
-    let mut desk = finished();
-    desk.run_state.phase = RunPhase::Running;
-    let mut harness = harness(desk);
-    let orders = |harness: &mut Harness<'static, Desk>| std::mem::take(&mut harness.state_mut().actions);
-    harness.state_mut().run_state.phase = RunPhase::Over;
-    harness.step();
-    harness.key_press(Key::Space);
-    harness.step();
-    assert_eq!(orders(&mut harness), []);
-    let said = harness.state().state.notice.clone().unwrap().0;
-    assert_eq!(said, "The run has finished: Continue on its card goes beyond its end");
-    harness.run_steps(20);
-    press(&mut harness, Key::Space);
-    assert_eq!(orders(&mut harness), [], "the card is open");
-    press(&mut harness, Key::Escape);
-    press(&mut harness, Key::Space);
-    assert_eq!(orders(&mut harness), [UiAction::Order(Order::Start)]);
 }
 
 #[test]
