@@ -99,6 +99,9 @@ pub struct VehicleMeasures {
     pub longest_stand_s: f64,
     /// One between two vehicles counts for both.
     pub collisions: u64,
+    /// A person has driven it; a summary of an earlier version does not say.
+    #[serde(default)]
+    pub driven_by_hand: bool,
 }
 
 /// The part of one vehicle in the traffic's measures; `None` where a run has no value.
@@ -159,6 +162,7 @@ impl RunMeasures {
             },
             longest_stand_s: vehicle.longest_stand_s,
             collisions: vehicle.collisions.into(),
+            driven_by_hand: vehicle.driven_by_hand,
         };
         let (trips, safety) = (&summary.traffic.trips, &summary.traffic.safety);
         Self {
@@ -210,6 +214,12 @@ impl RunMeasures {
     /// How often vehicles came to stand; 0 of a run that did not count it.
     pub fn stops(&self) -> u64 {
         self.traffic.stops.unwrap_or_default()
+    }
+
+    /// Names of the vehicles that a person has driven.
+    pub fn driven_by_hand(&self) -> Vec<&str> {
+        let driven = self.vehicles.values().filter(|vehicle| vehicle.driven_by_hand);
+        driven.map(|vehicle| vehicle.name.as_str()).collect()
     }
 
     /// Names of the vehicles that another run does not have.

@@ -33,6 +33,8 @@ pub struct VehicleTotals {
     pub collisions: u32,
     /// Number of samples in the sum of lateral errors; there are none while a person drives.
     pub samples: u64,
+    /// A person has driven it.
+    pub driven_by_hand: bool,
     /// Odometer, also of a vehicle that has left.
     pub distance_m: f64,
     /// Simulated times at which it came to the city and was last seen there.
@@ -193,6 +195,7 @@ impl Observer {
             };
             let track = &mut self.tracks[index];
             track.totals.distance_m = state.distance_m;
+            track.totals.driven_by_hand |= state.status == Status::Manual;
             track.totals.there_s[1] = snapshot.time_s;
             track.time_stand(state, snapshot.time_s);
             if samples {
@@ -311,6 +314,7 @@ impl RouteProgress {
                 longest_stand_s: 0.0,
                 collisions: 0,
                 samples: 0,
+                driven_by_hand: false,
                 distance_m: 0.0,
                 there_s: [0.0; 2],
                 has_left: false,

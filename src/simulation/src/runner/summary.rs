@@ -33,6 +33,9 @@ pub struct VehicleSummary {
     pub max_lane_excess_m: f64,
     /// Collisions with vehicles and static obstacles; one between two vehicles counts for both.
     pub collisions: u32,
+    /// A person has driven it, at least for a while.
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    pub driven_by_hand: bool,
     /// Delay, fuel and effort, surrogate safety; `None` for a vehicle that was never seen.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub traffic: Option<VehicleTraffic>,
@@ -209,6 +212,7 @@ impl Summary {
                     .filter(|excess_m| excess_m.is_finite())
                     .unwrap_or(0.0),
                 collisions: totals.collisions,
+                driven_by_hand: totals.driven_by_hand,
                 traffic: observer
                     .traffic()
                     .vehicle(id)

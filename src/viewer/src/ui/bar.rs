@@ -25,7 +25,8 @@ pub fn show(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>, actions: &m
         } else {
             group(ui, "run", |ui| {
                 let has_just_ended = state.has_just_ended(ui.input(|input| input.time));
-                run_controls(ui, (shown, has_just_ended), actions);
+                let has_card = state.runs.end_card.is_open();
+                run_controls(ui, shown, (has_just_ended, has_card), actions);
                 if shown.city == CityKind::Local {
                     speed(ui, shown.run_state.speed, actions);
                 }
@@ -127,7 +128,12 @@ const DURATION: f32 = 50.0;
 /// Width of the list of scenarios, so that its neighbours do not move: a longer name is cut, and stands in the tip.
 const SCENARIO: f32 = 122.0;
 
-fn run_controls(ui: &mut Ui, (shown, has_just_ended): (&ViewModel<'_>, bool), actions: &mut Vec<UiAction>) {
+fn run_controls(
+    ui: &mut Ui,
+    shown: &ViewModel<'_>,
+    (has_just_ended, has_card): (bool, bool),
+    actions: &mut Vec<UiAction>,
+) {
     if shown.edit.is_some() {
         return edited_run_controls(ui, shown, actions);
     }
@@ -153,10 +159,14 @@ fn run_controls(ui: &mut Ui, (shown, has_just_ended): (&ViewModel<'_>, bool), ac
     } else if *phase == RunPhase::Over {
         let duration = theme::decimal(ui.ctx()).plain(shown.duration_s);
         let tip = format!("Continue beyond the {duration} s of the scenario, until paused");
-        let tip = keys.tip(&tip, &commands::START_OR_PAUSE);
+        // While the card is open, the key continues nothing.
+        let tip = if has_card { tip } else { keys.tip(&tip, &commands::START_OR_PAUSE) };
         // It takes the place of Pause.
         let may = !shown.run_state.has_ended && !has_just_ended;
         button(ui, "\u{25b6} Continue", may, &tip, Order::Start);
+    } else if *phase == RunPhase::Paused && shown.has_begun() {
+        let tip = keys.tip("Continue the run", &commands::START_OR_PAUSE);
+        button(ui, "\u{25b6} Continue", true, &tip, Order::Start);
     } else {
         let tip = keys.tip("Start the run", &commands::START_OR_PAUSE);
         button(ui, "\u{25b6} Start", can_run, &tip, Order::Start);
@@ -280,6 +290,9 @@ fn clock(ui: &mut Ui, shown: &ViewModel<'_>) -> bool {
             "The scenario's duration is over: Continue goes beyond it, Reset starts again",
         ),
         RunPhase::Failed(reason) => (format!("failed: {reason}"), "Reset starts again"),
+        RunPhase::Paused if shown.has_begun() => {
+            (run_state.phase.label().to_owned(), "Continue goes on with it")
+        }
         phase => (phase.label().to_owned(), "Start runs it"),
     };
     let mut text = RichText::new(text);

@@ -191,8 +191,7 @@ fn dashboard(ui: &Ui, rect: Rect, state: &UiState, shown: &ViewModel<'_>) -> Opt
                     ui.set_width(320.0_f32.min(rect.width() - 24.0).max(80.0));
                     ui.label(RichText::new(speed).size(30.0).strong());
                     ui.label(format!("{gear}   {arrows}"));
-                    let trouble =
-                        trouble(&state.keys, vehicle.status, &shown.run_state.phase, pedals.reverse);
+                    let trouble = trouble(state, shown, vehicle.status, pedals.reverse);
                     let left = || map::way_back(shown.map, vehicle.position.truncate());
                     if let Some(trouble) = trouble.or_else(left) {
                         ui.label(RichText::new(trouble).strong().color(ui.visuals().warn_fg_color));
@@ -236,10 +235,14 @@ fn driving_keys(keys: &KeyMap, is_by_device: bool) -> Vec<String> {
 }
 
 /// Why the vehicle does not obey its driver.
-fn trouble(keys: &KeyMap, status: Status, phase: &RunPhase, reverse: bool) -> Option<String> {
+fn trouble(state: &UiState, shown: &ViewModel<'_>, status: Status, reverse: bool) -> Option<String> {
+    let keys = &state.keys;
     let of = |command: &Command| keys.first(&command.binding());
     let gas = keys.first(&DRIVING_KEYS.gas);
-    match (phase, status) {
+    match (&shown.run_state.phase, status) {
+        (RunPhase::Over, _) if state.runs.end_card.is_open() => {
+            Some(format!("The run has finished: Continue on its card, or {} to start again", of(&RESET)))
+        }
         (RunPhase::Over, _) => Some(format!(
             "The run has finished: {} continues, {} starts again",
             of(&START_OR_PAUSE),
@@ -250,6 +253,9 @@ fn trouble(keys: &KeyMap, status: Status, phase: &RunPhase, reverse: bool) -> Op
             Some(format!("Collided: {gas} drives on, {} then {gas} backs off", of(&REVERSE)))
         }
         (RunPhase::Running, _) | (RunPhase::Failed(_), _) => None,
+        (RunPhase::Paused, _) if shown.has_begun() => {
+            Some(format!("Paused: {} continues the run", of(&START_OR_PAUSE)))
+        }
         _ => Some(format!("Paused: {} starts the run", of(&START_OR_PAUSE))),
     }
 }

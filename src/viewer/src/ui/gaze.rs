@@ -2,11 +2,14 @@
 
 #![allow(clippy::disallowed_methods, reason = "cameras draw; no state of a run depends on them")]
 
-use city3d_protocol::snapshot::VehicleState;
+use city3d_protocol::snapshot::{Dimensions, VehicleState};
 use city3d_sensors::{Extrinsics, Lens};
 use glam::{DQuat, DVec3};
+use serde::{Deserialize, Serialize};
 use std::f64::consts::PI;
 
+/// The chase camera keeps so far away from the outline of its vehicle, metres.
+const CLEAR_M: f64 = 2.5;
 /// Usual place of the chase camera: behind the vehicle and above the ground, metres.
 const CHASE_M: [f64; 2] = [9.0, 3.6];
 /// The chase camera looks at a point so far ahead of the vehicle, metres, and at this share of its height.
@@ -23,7 +26,8 @@ const ONBOARD_ZOOM: [f64; 2] = [0.15, 1.3];
 const STEP: f64 = 0.88;
 
 /// Rotation and zoom of a chase or onboard camera relative to its usual view.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
 pub struct Gaze {
     /// To the left of the usual view.
     yaw_rad: f64,
@@ -63,6 +67,11 @@ impl Gaze {
         self.zoom = (self.zoom * STEP.powf(steps)).clamp(CHASE_ZOOM[0], CHASE_ZOOM[1]);
     }
 
+    /// Keeps a chase camera outside of its vehicle.
+    pub fn keep_outside(&mut self, vehicle: &Dimensions) {
+        self.zoom = self.zoom.max(least_zoom(vehicle));
+    }
+
     /// Narrows the field of view of an onboard camera for positive steps of the mouse wheel.
     pub fn zoom_onboard(&mut self, steps: f64) {
         self.zoom = (self.zoom * STEP.powf(steps)).clamp(ONBOARD_ZOOM[0], ONBOARD_ZOOM[1]);
@@ -76,17 +85,19 @@ impl Gaze {
         Self { pitch_rad: usual_rad - elevation_rad, ..self }
     }
 
-    /// A chase camera around a vehicle of some height.
-    pub fn chase(self, vehicle: &VehicleState, height_m: f64) -> Extrinsics {
+    /// A chase camera around a vehicle, outside of its body.
+    pub fn chase(self, vehicle: &VehicleState, dimensions: Option<&Dimensions>) -> Extrinsics {
         let heading = (vehicle.orientation * DVec3::X).with_z(0.0).normalize_or(DVec3::X);
         let ahead = DQuat::from_rotation_z(self.yaw_rad) * heading;
         let [behind_m, above_m] = CHASE_M;
         let usual_rad = above_m.atan2(behind_m);
         let (up, out) = (usual_rad - self.pitch_rad).sin_cos();
-        let eye = (DVec3::Z * up - ahead * out) * (behind_m.hypot(above_m) * self.zoom);
+        let eye = (DVec3::Z * up - ahead * out)
+            * (behind_m.hypot(above_m) * self.zoom.max(dimensions.map_or(0.0, least_zoom)));
         // From above it looks at the vehicle itself.
         let ahead_m = AHEAD_M * (out / usual_rad.cos()).powi(2);
-        let target = ahead * ahead_m + DVec3::Z * (OF_HEIGHT * height_m);
+        let target = ahead * ahead_m
+            + DVec3::Z * (OF_HEIGHT * dimensions.map_or(0.0, |dimensions| dimensions.height_m));
         Extrinsics::looking_at(vehicle.position + eye, vehicle.position + target)
     }
 
@@ -103,4 +114,11 @@ impl Gaze {
         let half = (usual.vertical_fov_rad / 2.0).tan() * self.zoom;
         Lens { vertical_fov_rad: 2.0 * half.atan(), ..usual }
     }
+}
+
+/// The factor on the distance at which a chase camera is just clear of its vehicle, from whichever side it looks.
+fn least_zoom(vehicle: &Dimensions) -> f64 {
+    let [behind_m, above_m] = CHASE_M;
+    let reach_m = vehicle.length_m.hypot(vehicle.width_m) / 2.0;
+    (reach_m + CLEAR_M) / behind_m.hypot(above_m)
 }

@@ -267,7 +267,7 @@ fn gap_words(leader: &LeaderAhead, decimal: DecimalSeparator) -> String {
     let seconds = |what: &str, s: f64| format!(", {what} {} s", decimal.fixed(s, 1));
     let headway = leader.headway_s().map_or_else(String::new, |s| seconds("headway", s));
     let ttc_s = leader.following.ttc_s().filter(|s| *s < 20.0);
-    let ttc = ttc_s.map_or_else(String::new, |s| seconds("collision in", s));
+    let ttc = ttc_s.map_or_else(String::new, |s| seconds("time to collision", s));
     format!("{} m{headway}{ttc}", decimal.tenths(leader.following.gap_m))
 }
 
@@ -336,4 +336,22 @@ fn rest(ui: &mut Ui, shown: &ViewModel<'_>, id: VehicleId, place: Option<&Traffi
     ui.label(RichText::new("Route").weak());
     ui.add(Label::new(text).truncate()).on_hover_text("Its planned lanes, by the scenario");
     ui.end_row();
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use city3d_simulation::measures::Following;
+    use glam::DVec2;
+
+    #[test]
+    fn a_closing_gap_has_a_time_to_collision() {
+        let words = |leader_mps| {
+            let following = Following { gap_m: 13.5, speed_mps: 10.0, leader_mps };
+            let leader = LeaderAhead { vehicle: VehicleId(2), following, rear: DVec2::ZERO };
+            gap_words(&leader, DecimalSeparator::Point)
+        };
+        assert_eq!(words(5.0), "13.5 m, headway 1.4 s, time to collision 2.7 s");
+        assert_eq!(words(10.0), "13.5 m, headway 1.4 s");
+    }
 }

@@ -518,9 +518,12 @@ pub fn show(ui: &mut egui::Ui, state: &mut UiState, shown: &ViewModel<'_>) -> Ve
         ui.add_space(3.0);
     });
     egui::Panel::bottom("footer").frame(frame).show(ui, |ui| footer(ui, shown));
-    egui::Panel::bottom("timeline").frame(frame).show(ui, |ui| {
-        timeline::show(ui, state, shown, &mut actions);
-    });
+    // What is edited has no time yet: that of the old run would mislead.
+    if shown.edit.is_none() {
+        egui::Panel::bottom("timeline").frame(frame).show(ui, |ui| {
+            timeline::show(ui, state, shown, &mut actions);
+        });
+    }
     if !state.open.controllers {
         state.devices.stop_learning();
     }

@@ -160,7 +160,10 @@ const COLUMNS: [(&str, &str); 10] = [
     ),
     ("Delay (s)", "Mean time lost against driving alone, with the time held outside"),
     ("Most (s)", "Largest delay"),
-    ("Stops", "How often vehicles stopped: below 0.5 m/s"),
+    (
+        "Stops",
+        "How often vehicles came to stand: below 0.5 m/s, also where they come to the end of their routes",
+    ),
     ("Queue now", "Vehicles that are stopped now"),
     ("Queue, mean", "Vehicles that are stopped, mean over time"),
     ("Queue, most", "The most vehicles that were stopped at a time"),

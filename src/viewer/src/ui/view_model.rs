@@ -112,6 +112,12 @@ impl ViewModel<'_> {
         !is_physical && self.edit.is_none() && (self.city != CityKind::Elsewhere || own == Some(vehicle))
     }
 
+    /// Whether the present of the run is beyond its start.
+    pub fn has_begun(&self) -> bool {
+        let present_s = if self.past.is_shown { self.past.head.to_s } else { self.run_state.now.time_s };
+        present_s > 0.0
+    }
+
     /// Scale of the laboratory.
     pub(super) fn scale(&self) -> city3d_geometry::LengthScale {
         self.traffic.measures().scale()

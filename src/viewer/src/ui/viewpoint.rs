@@ -321,6 +321,10 @@ impl Viewpoint {
         if let Some(vehicle) = self.follow.and_then(|id| seen.vehicle(id)) {
             self.target = vehicle.position - self.goal.map_or(DVec3::ZERO, |goal| goal.to_go);
             self.whole = None;
+            // A wheel that is turned back acts at once.
+            if let Some(info) = seen.info(vehicle.id).filter(|_| self.mode == CameraMode::Chase) {
+                self.gaze.keep_outside(&info.dimensions);
+            }
         } else if matches!(self.mode, CameraMode::Chase | CameraMode::Onboard) {
             self.mode = CameraMode::Orbit;
         }
@@ -385,8 +389,8 @@ impl Viewpoint {
         if let Some(state) = self.follow.and_then(|id| seen.vehicle(id)) {
             match self.mode {
                 CameraMode::Chase if !self.rear => {
-                    let height_m = seen.info(state.id).map_or(0.0, |info| info.dimensions.height_m);
-                    view.extrinsics = self.gaze.raised(self.raise.by_rad()).chase(state, height_m);
+                    let dimensions = seen.info(state.id).map(|info| &info.dimensions);
+                    view.extrinsics = self.gaze.raised(self.raise.by_rad()).chase(state, dimensions);
                 }
                 CameraMode::Onboard => view.extrinsics = self.gaze.onboard(state, view.extrinsics),
                 _ => {}

@@ -510,8 +510,12 @@ impl ViewerState {
         }
     }
 
-    /// Carries out a playback command. Who drives has to see the present.
+    /// Carries out a playback command. Who drives has to see the present, and what is edited has no past.
     fn look_back(&mut self, command: PlaybackCommand, now_s: f64) {
+        if self.edits {
+            let said = "The run waits while its scenario is edited: go back to it to look at its past.";
+            return self.state.say(said, now_s);
+        }
         if self.state.driving.is_some() {
             self.state.say(ui::commands::DRIVES.words(&self.state.keys), now_s);
             return;

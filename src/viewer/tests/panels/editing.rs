@@ -218,6 +218,17 @@ fn start_saves_and_runs_what_is_edited_and_the_old_run_is_neither_stepped_nor_re
     assert!(harness.state().actions.is_empty());
 }
 
+#[test]
+fn the_time_of_the_old_run_is_not_shown_beside_what_is_edited() {
+    let mut harness = harness(editing());
+    assert!(harness.query_by_label("Timeline").is_none());
+    press(&mut harness, Key::Home);
+    assert!(harness.state().actions.is_empty(), "{:?}", harness.state().actions);
+    harness.state_mut().edit = None;
+    harness.run_steps(2);
+    harness.get_by_label("Timeline");
+}
+
 fn click_at(harness: &mut Harness<'static, Desk>, at: Pos2) {
     for pressed in [true, false] {
         harness.event(egui::Event::PointerMoved(at));

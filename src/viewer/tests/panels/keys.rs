@@ -113,7 +113,7 @@ fn another_key_is_assigned_by_the_keyboard_and_told_everywhere() {
     press(&mut harness, Key::K);
     assert_eq!(harness.state().actions, [UiAction::Order(Order::Start)]);
     // The tip of the button, the footer, the help, and the settings file.
-    harness.get_by_label("\u{25b6} Start").hover();
+    harness.get_by_label("\u{25b6} Continue").hover();
     harness.run_steps(40);
     harness.get_by_label_contains("(K)");
     harness.get_by_label_contains("K start/pause");

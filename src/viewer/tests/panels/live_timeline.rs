@@ -6,8 +6,8 @@ use city3d_protocol::snapshot::{EventKind, VehicleId};
 use city3d_session::playback::{MarkKind, Occurrence, PlaybackCommand, Playhead, TimelineMark};
 use city3d_session::{Order, RunGoal, RunPhase};
 use city3d_viewer::ui::{
-    DecimalSeparator, KeyMap, ManualDrive, PastView, UiAction, VehicleNames, VideoKind, VideoRequest,
-    VideoStatus, VideoSubject, announcement,
+    CameraMode, DecimalSeparator, KeyMap, ManualDrive, PastView, UiAction, VehicleNames, VideoKind,
+    VideoRequest, VideoStatus, VideoSubject, announcement,
 };
 use egui::{Key, Pos2};
 use egui_kittest::Harness;
@@ -77,6 +77,31 @@ fn from_the_present_keys_lead_back_and_the_others_stay_what_they_were() {
     }
     press(&mut harness, Key::Space);
     assert_eq!(take_actions(&mut harness), [UiAction::Order(Order::Pause)], "the city's");
+}
+
+#[test]
+fn the_arrows_leap_where_the_camera_does_not_move_by_them() {
+    for (mode, expected) in [
+        (CameraMode::Chase, &[PlaybackCommand::Seek(0.0)][..]),
+        (CameraMode::Onboard, &[PlaybackCommand::Seek(0.0)][..]),
+        (CameraMode::Overhead, &[][..]),
+        (CameraMode::Free, &[][..]),
+    ] {
+        let mut harness = live();
+        harness.state_mut().state.viewpoint.choose_mode(mode, Some(VehicleId(1)));
+        harness.run_steps(2);
+        press(&mut harness, Key::ArrowLeft);
+        assert_eq!(cues(&mut harness), expected, "{mode:?}");
+        press(&mut harness, Key::ArrowRight);
+        assert_eq!(cues(&mut harness), [], "{mode:?}: there is nothing beyond the present");
+    }
+    let mut harness = live();
+    harness.state_mut().state.viewpoint.choose_mode(CameraMode::Chase, Some(VehicleId(1)));
+    harness.state_mut().state.driving = Some(ManualDrive::take_over(VehicleId(1), 1, 0.0));
+    harness.run_steps(2);
+    press(&mut harness, Key::ArrowLeft);
+    let looks_back = |action: &UiAction| matches!(action, UiAction::PlaybackCommand(_));
+    assert!(!take_actions(&mut harness).iter().any(looks_back), "it steers");
 }
 
 #[test]

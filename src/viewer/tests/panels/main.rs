@@ -14,6 +14,7 @@ mod live_timeline;
 mod numbers;
 mod overlays;
 mod plans;
+mod run_phases;
 mod runs;
 mod timeline;
 mod traffic;
@@ -309,7 +310,7 @@ fn escape_closes_a_menu_and_only_then_lets_go_of_the_vehicle() {
 #[test]
 fn the_bar_starts_pauses_steps_and_resets() {
     let mut harness = with(6);
-    click(&mut harness, "\u{25b6} Start");
+    click(&mut harness, "\u{25b6} Continue");
     click(&mut harness, "\u{23ed} Step");
     click(&mut harness, "\u{27f2} Reset");
     harness.get_by_label("   2.50 s");

@@ -278,7 +278,7 @@ fn a_file_that_is_dropped_on_the_window_is_opened() {
 }
 
 /// The summary of a run of the desk's scenario with a collision and some stops.
-fn outcome() -> Summary {
+pub fn outcome() -> Summary {
     let experiment = experiment();
     let mut observer = Observer::new(&experiment);
     let mut snapshot = FrameSnapshot { time_s: 12.0, tick: 1200, ..FrameSnapshot::default() };
@@ -541,7 +541,7 @@ fn at_the_usual_width_the_bar_has_one_row_whatever_the_light_is() {
         let look = &mut harness.state_mut().state.look;
         (look.hours, look.weather) = (hours, weather);
         harness.run_steps(3);
-        let [start, help] = ["\u{25b6} Start", "Help"].map(|label| harness.get_by_label(label).rect());
+        let [start, help] = ["\u{25b6} Continue", "Help"].map(|label| harness.get_by_label(label).rect());
         assert!((start.center().y - help.center().y).abs() < 4.0, "{hours}: {help:?}");
         assert!(before.is_none_or(|before| before == help), "nothing moves");
         before = Some(help);
@@ -563,24 +563,6 @@ fn the_list_of_the_light_has_the_weather_in_sight() {
     super::city::click_at(&mut harness, fog, 1);
     harness.run_steps(2);
     assert_eq!(harness.state().state.look.weather, Weather::Fog);
-}
-
-#[test]
-fn who_means_to_pause_at_the_end_of_the_run_does_not_continue_it() {
-    let mut desk = finished();
-    desk.run_state.phase = RunPhase::Running;
-    let mut harness = harness(desk);
-    let orders = |harness: &mut Harness<'static, Desk>| std::mem::take(&mut harness.state_mut().actions);
-    harness.state_mut().run_state.phase = RunPhase::Over;
-    harness.step();
-    harness.key_press(Key::Space);
-    harness.step();
-    assert_eq!(orders(&mut harness), []);
-    let said = harness.state().state.notice.clone().unwrap().0;
-    assert_eq!(said, "The run has just come to its end. Continue beyond it (Space)");
-    harness.run_steps(20);
-    press(&mut harness, Key::Space);
-    assert_eq!(orders(&mut harness), [UiAction::Order(Order::Start)]);
 }
 
 #[test]

@@ -56,6 +56,18 @@ fn the_panel_has_the_numbers_of_the_run() {
 }
 
 #[test]
+fn the_tip_of_stops_says_what_counts() {
+    let mut harness = harness(roundabout(15));
+    press(&mut harness, egui::Key::F4);
+    harness.set_size(egui::vec2(1600.0, 1200.0));
+    harness.run_steps(4);
+    let place = harness.get_all_by_label("Stops").next().unwrap().rect().center();
+    harness.hover_at(place);
+    harness.run_steps(10);
+    assert!(harness.query_by_label_contains("also where they come to the end of their routes").is_some());
+}
+
+#[test]
 fn the_diagram_is_that_of_the_selected_vehicle() {
     let mut harness = harness(roundabout(15));
     press(&mut harness, egui::Key::F4);

@@ -11,6 +11,10 @@ use egui::Key;
 
 registry!(
     START_OR_PAUSE = Command::always("Start, pause or continue the run", &[key(Key::Space)], |c| {
+        if c.shown.run_state.phase == RunPhase::Over && c.state.runs.end_card.is_open() {
+            let said = "The run has finished: Continue on its card goes beyond its end";
+            return c.state.say(said.to_owned(), c.now_s);
+        }
         if c.state.has_just_ended(c.now_s) {
             let said = "The run has just come to its end. Continue beyond it";
             return c.state.say(c.state.keys.tip(said, &START_OR_PAUSE), c.now_s);

@@ -2,7 +2,7 @@
 
 use super::{Availability, Command, CommandContext, Hint, RELEASE, Scope, WATCHING, key, registry, shift};
 use crate::ui::timeline::{self, ShownTime, TimelineRange, TimelineView};
-use crate::ui::{UiState, ViewModel};
+use crate::ui::{CameraMode, UiState, ViewModel};
 use city3d_session::playback::{PlaybackCommand, Playhead};
 use egui::Key;
 
@@ -35,10 +35,10 @@ registry!(
     .within(Scope::PLAYED)
     .repeating(),
     LEAP_BACK = Command::always("5 seconds back", &[key(Key::ArrowLeft)], |c| {
-        with_head(c, |head| PlaybackCommand::Seek(head.at_s - LEAP_S));
+        with_head(c, |head| PlaybackCommand::Seek((head.at_s - LEAP_S).max(head.from_s)));
     })
-    .only(is_played)
-    .within(Scope::PLAYED)
+    .only(leaps_back)
+    .within(Scope::LIVE.and(Scope::PLAYED))
     .repeating(),
     LEAP_FORWARD = Command::always("5 seconds forward", &[key(Key::ArrowRight)], |c| {
         with_head(c, |head| PlaybackCommand::Seek(head.at_s + LEAP_S));
@@ -120,18 +120,27 @@ pub const GESTURES: &[(&str, &str)] = &[
     ("double-click on a mark", "Follow the vehicle of the event, too"),
     ("wheel on the timeline", "Show less or more of the run"),
     ("right-drag on the timeline", "Move the shown part of the run"),
+    ("arrows in the present", "Leap back by the chase and onboard cameras; the other cameras move"),
 ];
 
 fn is_played(_: &UiState, shown: &ViewModel<'_>) -> Availability {
     Availability::when(TimelineView::of(shown).is_played())
 }
 
-/// Available in the present, too; who drives has to see it.
-fn looks_back(state: &UiState, _: &ViewModel<'_>) -> Availability {
+/// Available in the present, too; who drives has to see it, and what is edited has no past.
+fn looks_back(state: &UiState, shown: &ViewModel<'_>) -> Availability {
     match state.driving {
+        _ if shown.edit.is_some() => super::editing::RUN_WAITS,
         Some(_) => Availability::After(DRIVES),
         None => Availability::Now,
     }
+}
+
+/// In the present, cameras that ride on a vehicle leave the arrows to it; those of the others move them.
+fn leaps_back(state: &UiState, shown: &ViewModel<'_>) -> Availability {
+    let rides = matches!(state.viewpoint.mode, CameraMode::Chase | CameraMode::Onboard);
+    let from_present = rides && state.driving.is_none() && shown.edit.is_none();
+    Availability::when(from_present || TimelineView::of(shown).is_played())
 }
 
 fn with_head(context: &mut CommandContext<'_, '_>, command: fn(&Playhead) -> PlaybackCommand) {

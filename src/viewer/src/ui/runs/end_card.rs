@@ -1,8 +1,8 @@
 //! The card of a finished run: what came of it, and what to do next.
 
-use super::super::commands::START_OR_PAUSE;
 use super::super::{CityKind, DecimalSeparator, UiAction, UiState, ViewModel};
 use super::fields::seed;
+use city3d_logbook::figures::some_names;
 use city3d_logbook::measures::RunMeasures;
 use city3d_protocol::snapshot::Status;
 use city3d_session::{Order, RunPhase};
@@ -80,6 +80,10 @@ pub(super) fn window(ui: &Ui, state: &mut UiState, shown: &ViewModel<'_>, action
             measures.conditions(),
             decimal.fixed(measures.simulated_s, 1)
         ));
+        let by_hand = measures.driven_by_hand();
+        if !by_hand.is_empty() {
+            ui.label(format!("Driven by hand: {}", some_names(&by_hand)));
+        }
         ui.add_space(4.0);
         // Beyond the end the numbers of the zones are no longer those of the result.
         let zones = is_over.then(|| shown.traffic.measures());
@@ -101,7 +105,6 @@ pub(super) fn window(ui: &Ui, state: &mut UiState, shown: &ViewModel<'_>, action
                 "Simulate beyond the {} s of the scenario, until paused",
                 decimal.plain(shown.duration_s)
             );
-            let tip = START_OR_PAUSE.tip(ui.ctx(), &tip);
             if is_over && !run_state.has_ended && ui.button("Continue").on_hover_text(tip).clicked() {
                 actions.push(UiAction::Order(Order::Start));
             }

@@ -21,6 +21,9 @@ pub struct Bookmark {
     eye: DVec3,
     yaw_rad: f64,
     pitch_rad: f64,
+    /// Turn and zoom of a chase or onboard camera.
+    #[serde(default)]
+    gaze: Gaze,
 }
 
 /// The stored cameras, in the order of their numbers.
@@ -60,6 +63,7 @@ impl Viewpoint {
             eye: self.eye,
             yaw_rad: self.yaw_rad,
             pitch_rad: self.pitch_rad,
+            gaze: self.gaze,
         }
     }
 
@@ -84,7 +88,7 @@ impl Viewpoint {
             eye: bookmark.eye,
             yaw_rad: bookmark.yaw_rad,
             pitch_rad: bookmark.pitch_rad,
-            gaze: Gaze::default(),
+            gaze: bookmark.gaze,
             raise: Raise::default(),
             goal: None,
             flight: None,

@@ -182,6 +182,53 @@ fn chase_and_onboard_cameras_turn_and_zoom_and_begin_again_with_another_mode() {
 }
 
 #[test]
+fn a_bookmark_keeps_the_turn_and_zoom_of_cameras_that_ride_on_a_vehicle() {
+    let seen = snapshot(10.0);
+    let picture = |viewpoint: &Viewpoint| viewpoint.view(&seen, [400, 300]).clip_from_world();
+    for mode in [CameraMode::Chase, CameraMode::Onboard] {
+        let mut viewpoint = Viewpoint::around(&seen);
+        viewpoint.set_mode(mode, Some(VehicleId(3)));
+        let usual = picture(&viewpoint);
+        viewpoint.turn(80.0, 30.0);
+        viewpoint.zoom(-2.0);
+        let stored = picture(&viewpoint);
+        assert!(stored != usual, "{mode:?}");
+        let mut bookmarks = Bookmarks::default();
+        bookmarks.set(1, &viewpoint);
+        let text = toml::to_string(bookmarks.get(1).unwrap()).unwrap();
+        let bookmark: Bookmark = toml::from_str(&text).unwrap();
+        viewpoint.set_mode(CameraMode::Orbit, None);
+        viewpoint.recall(&bookmark);
+        viewpoint.update(&seen);
+        assert_eq!(picture(&viewpoint), stored, "{mode:?}");
+        // Settings of an earlier version have neither.
+        let old = text.split("[gaze]").next().unwrap();
+        viewpoint.recall(&toml::from_str(old).unwrap());
+        assert_eq!(picture(&viewpoint), usual, "{mode:?}");
+    }
+}
+
+#[test]
+fn the_chase_camera_stays_outside_of_its_vehicle_however_near_it_comes() {
+    for length_m in [4.0, 12.0, 18.0] {
+        let mut seen = snapshot(10.0);
+        Arc::make_mut(&mut seen.roster)[0].dimensions.length_m = length_m;
+        let mut viewpoint = Viewpoint::around(&seen);
+        viewpoint.set_mode(CameraMode::Chase, Some(VehicleId(3)));
+        let eye = |viewpoint: &Viewpoint| {
+            viewpoint.view(&seen, [400, 300]).extrinsics.position - seen.vehicles[0].position
+        };
+        viewpoint.zoom(30.0);
+        viewpoint.update(&seen);
+        let near = eye(&viewpoint);
+        assert!(near.x < -length_m / 2.0 - 1.5, "{length_m} m: {near}");
+        viewpoint.zoom(-1.0);
+        let back = eye(&viewpoint).length() / near.length();
+        assert!(back > 1.1, "the wheel acts at once: {back}");
+    }
+}
+
+#[test]
 fn following_eases_to_the_vehicle_and_everything_can_be_framed_again() {
     let seen = snapshot(10.0);
     let mut viewpoint = Viewpoint::around(&snapshot(-60.0));

@@ -323,20 +323,41 @@ impl ViewerState {
         let measured = RunMeasures::read(other).map_err(|error| error.to_string())?;
         let name = |what: &str, of: &RunMeasures| format!("{what}: {}, {}", of.scenario, of.conditions());
         let names = [name("this run", &present), name(&other.display().to_string(), &measured)];
-        Ok(ComparedRuns { names, pairs: present.beside(&measured), note: differences(&present, &measured) })
+        let note = differences(&present, &measured, self.state.preferences.decimal);
+        Ok(ComparedRuns { names, pairs: present.beside(&measured), note })
     }
 }
 
-/// What the reader of a comparison has to know: other scenarios, and vehicles that only one run has.
-fn differences(present: &RunMeasures, other: &RunMeasures) -> Option<String> {
+/// What the reader of a comparison has to know: what the runs differ in, vehicles that a person has driven, and those that
+/// only one run has.
+pub(super) fn differences(
+    present: &RunMeasures,
+    other: &RunMeasures,
+    decimal: DecimalSeparator,
+) -> Option<String> {
     let mut words = Vec::new();
     if present.scenario != other.scenario {
         words.push("The two are runs of different scenarios.".to_owned());
     }
-    if present.environment != other.environment
-        && ![present, other].iter().any(|run| run.environment.is_empty())
-    {
-        words.push("They differ in the environment.".to_owned());
+    let runs = [present, other];
+    let mut differ = Vec::new();
+    let mut compare = |what: &str, [a, b]: [String; 2]| {
+        // A summary of an earlier version does not say everything.
+        if a != b && !a.is_empty() && !b.is_empty() {
+            differ.push(format!("{what} ({a}, {b})"));
+        }
+    };
+    compare("seed", runs.map(|run| run.seed.to_string()));
+    compare("environment", runs.map(|run| run.environment.clone()));
+    compare("simulated time", runs.map(|run| format!("{} s", decimal.fixed(run.simulated_s, 1))));
+    if !differ.is_empty() {
+        words.push(format!("They differ in {}.", differ.join(", ")));
+    }
+    for (letter, run) in ["A", "B"].iter().zip(runs) {
+        let names = run.driven_by_hand();
+        if !names.is_empty() {
+            words.push(format!("Driven by hand in {letter}: {}.", some_names(&names)));
+        }
     }
     for (letter, names) in [("A", present.only(other)), ("B", other.only(present))] {
         if !names.is_empty() {

@@ -3,12 +3,14 @@
 use super::super::loading;
 use super::super::opening::{OpenTarget, Opening};
 use super::super::recording::LogLocation;
+use super::entering::differences;
 use super::*;
 use crate::ui::runs::{CurveChoice, OpenRequest};
-use crate::ui::{CameraMode, EditAction, QualityPreset};
+use crate::ui::{CameraMode, DecimalSeparator, EditAction, QualityPreset};
 use crate::window::settings::ViewSettings;
 use city3d_logbook::figures::FigureScale;
 use city3d_logbook::figures::chart::Figure;
+use city3d_logbook::measures::{RunMeasures, VehicleMeasures};
 use city3d_protocol::snapshot::VehicleId;
 use city3d_sensors::Weather;
 use city3d_session::Order;
@@ -130,6 +132,47 @@ fn a_finished_run_is_replayed_from_its_whole_log_and_run_again_with_another_seed
     assert!(viewer.state.runs.problem.as_ref().unwrap().text.contains("there is no summary.json"));
     let recorded = viewer.close().unwrap();
     assert_eq!(recorded.len(), 2, "{recorded:?}");
+}
+
+#[test]
+fn two_runs_are_told_apart_by_all_that_is_known_to_differ() {
+    let vehicle = |driven_by_hand| VehicleMeasures {
+        name: "path1_a".to_owned(),
+        driven_by_hand,
+        ..VehicleMeasures::default()
+    };
+    let run = |seed, environment: &str, simulated_s, driven_by_hand| RunMeasures {
+        seed,
+        environment: environment.to_owned(),
+        simulated_s,
+        vehicles: [(1, vehicle(driven_by_hand))].into(),
+        ..RunMeasures::default()
+    };
+    let told = |a: &RunMeasures, b: &RunMeasures| differences(a, b, DecimalSeparator::Point);
+    let first = run(1, "ideal", 30.0, false);
+    assert_eq!(told(&first, &first), None);
+    let expected = "They differ in seed (1, 7), environment (ideal, testbed), simulated time (30.0 s, 45.5 s). \
+                    Driven by hand in B: path1_a.";
+    assert_eq!(told(&first, &run(7, "testbed", 45.5, true)).as_deref(), Some(expected));
+    // A summary of an earlier version does not say its environment.
+    assert_eq!(told(&first, &run(1, "", 30.0, false)), None);
+}
+
+#[test]
+fn a_vehicle_that_a_person_has_driven_is_told_by_its_run() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut viewer = viewer(request("straight", 1.0), LogLocation::In(folder.path().to_path_buf()));
+    let vehicle = viewer.experiment.vehicles[0].id;
+    viewer.act(vec![UiAction::Drive(vehicle)], 0.0);
+    viewer.send(Order::Drive(vehicle, city3d_protocol::snapshot::Pedals::default()));
+    viewer.send(Order::Step);
+    wait(&viewer, "a step", |state| state.now.tick == 1);
+    viewer.act(vec![UiAction::GiveBack], 0.0);
+    let over = run_to_end(&mut viewer);
+    let measures = RunMeasures::of(over.outcome.as_ref().unwrap());
+    assert_eq!(measures.driven_by_hand(), [viewer.experiment.vehicles[0].name.as_str()]);
+    viewer.close().unwrap();
+    assert_eq!(RunMeasures::read(&folder.path().join("run-1")).unwrap(), measures);
 }
 
 #[test]
@@ -416,6 +459,9 @@ fn the_run_waits_while_its_scenario_is_edited() {
         assert!(viewer.state.notice.as_ref().unwrap().0.contains("is edited"));
     }
     assert_eq!(viewer.run_state().phase, RunPhase::Ready);
+    viewer.state.notice = None;
+    viewer.act(vec![UiAction::PlaybackCommand(PlaybackCommand::Seek(0.0))], 0.0);
+    assert!(viewer.state.notice.as_ref().unwrap().0.contains("is edited") && !viewer.past.is_past());
     viewer.act(vec![UiAction::Edit(EditAction::End), UiAction::Order(Order::Step)], 0.0);
     wait(&viewer, "a step", |state| state.now.tick == 1);
 }
