@@ -99,12 +99,12 @@ fn edit(bench: &Bench<'_>, file: &Path) {
     bench.key("4");
     bench.program.screenshot();
     bench.key("Insert");
-    // The middle of the view is on the first lane, its right end on the second one.
-    bench.click(680, 333);
-    bench.click(935, 333);
+    // The middle of the view, which reaches down to the footer, is on the first lane, its right end on the second one.
+    bench.click(680, 365);
+    bench.click(962, 365);
     bench.key("Escape");
     bench.key("o");
-    bench.click(800, 333);
+    bench.click(813, 365);
     bench.key("Escape");
     // A change that is taken back, and one that is made again.
     bench.key("Delete");
