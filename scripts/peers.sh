@@ -94,8 +94,8 @@ serve_page() {
 web() {
     local pictures=${1:-out/web} city3d=${CITY3D:-} port city mainframe
     install_packages chromium
-    python3 -m venv "$folder/python"
-    "$folder/python/bin/pip" install --quiet websockets==17.4
+    install_packages python3-venv
+    make_venv target/web-peer tests/peers/web-requirements.txt
     if [[ -z "$city3d" ]]; then
         cargo build --release --locked
         city3d="${CARGO_TARGET_DIR:-target}/release/city3d"
@@ -104,7 +104,7 @@ web() {
     serve_page
     mkfifo "$folder/restart"
     say "the web page in Chromium"
-    "$folder/python/bin/python" tests/peers/web.py chromium "$(grep -o 'http://.*' "$folder/city.out")" "$pictures" \
+    target/web-peer/bin/python tests/peers/web.py chromium "$(grep -o 'http://.*' "$folder/city.out")" "$pictures" \
         "$folder/restart" &
     local browser=$!
     # The browser asks for another city at the same address; where it fails, it closes the pipe.
