@@ -2,10 +2,11 @@
 //! vehicles.
 
 use super::Settings;
-use super::fleet::{linear_from_srgb, wheels};
+use super::fleet::wheels;
 use super::textures::surface_texels;
 use super::vehicle::{VehicleMesh, VehicleModels, VehiclePart};
 use city3d_models::Model;
+use city3d_models::glb::linear_from_srgb;
 use city3d_protocol::snapshot::{BodyType, FrameSnapshot};
 use glam::{Mat3, Vec3};
 use std::collections::BTreeMap;

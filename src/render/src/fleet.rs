@@ -11,6 +11,7 @@ use super::passes::vehicle::gpu_data::Instance;
 use super::static_scene::CullContext;
 use super::vehicle::{self, FittedVehicle, LampLens, MeshKey, VehicleMesh, VehiclePart};
 use city3d_models::Model;
+use city3d_models::glb::linear_from_srgb;
 use city3d_protocol::snapshot::{BodyType, FrameSnapshot, Indicator, VehicleId, VehicleInfo, VehicleState};
 use city3d_sensors::View;
 use glam::{DMat4, Mat3, Quat, Vec3};
@@ -517,10 +518,4 @@ pub(super) fn wheels(
         };
         rows(Mat3::from_quat(orientation * steer * turn), position + orientation * at)
     })
-}
-
-/// Linear light of an 8-bit sRGB channel (IEC 61966-2-1).
-pub(super) fn linear_from_srgb(value: u8) -> f32 {
-    let c = f32::from(value) / 255.0;
-    if c <= 0.040_45 { c / 12.92 } else { ((c + 0.055) / 1.055).powf(2.4) }
 }

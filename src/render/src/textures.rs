@@ -7,9 +7,9 @@ mod patterns;
 mod sky;
 
 use super::daylight::Light;
-use super::fleet::linear_from_srgb;
 use super::passes::Attachments;
 use super::{Context, FlatLight, Settings};
+use city3d_models::glb::linear_from_srgb;
 use city3d_scene::Surface;
 use rayon::prelude::*;
 
