@@ -2,8 +2,8 @@
 
 use crate::counters::Counters;
 use crate::feed::Told;
-use crate::message::{MAX_MESSAGE_BYTES, PageMessage};
-use crate::pictures::{Look, SLOTS};
+use crate::message::{MAX_MESSAGE_BYTES, PageMessage, SLOTS};
+use crate::pictures::Look;
 use crate::server::Shared;
 use city3d_protocol::snapshot::{Pedals, VehicleId};
 use city3d_session::{Order, Speed};

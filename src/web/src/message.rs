@@ -5,6 +5,8 @@ use serde::Deserialize;
 
 /// Longest message of a page, bytes.
 pub(crate) const MAX_MESSAGE_BYTES: usize = 4096;
+/// Pictures of a page at once: the large one and the preview.
+pub(crate) const SLOTS: usize = 2;
 
 /// A message of a page.
 #[derive(Clone, Debug, PartialEq, Deserialize)]

@@ -5,9 +5,6 @@ use city3d_session::PublishedState;
 use std::sync::{Arc, OnceLock};
 use tokio_tungstenite::tungstenite::Bytes;
 
-/// Pictures of a page at once: the large one and the preview.
-pub(crate) const SLOTS: usize = 2;
-
 #[derive(Debug)]
 pub(crate) struct Pictures;
 

@@ -20,8 +20,6 @@ use tokio_tungstenite::tungstenite::Bytes;
 /// Opens the renderer, on the thread that draws.
 pub type PictureDrawer = OpenRenderer;
 
-/// Pictures of a page at once: the large one and the preview.
-pub(crate) const SLOTS: usize = 2;
 /// Different views that are drawn at once, at most.
 const MAX_VIEWS: usize = 32;
 /// Least time between two pictures of all views.
