@@ -429,8 +429,9 @@ fn camera_tip(mode: CameraMode) -> &'static str {
     }
 }
 
-/// Widths of the lists of qualities and of times of day: for the longest of their words.
+/// Height of the open list of the light: all of it.
 const MENU_HEIGHT: f32 = 420.0;
+/// Widths of the lists of qualities and of times of day: for the longest of their words.
 const QUALITY: f32 = 70.0;
 const TIME: f32 = 76.0;
 

@@ -198,14 +198,15 @@ impl<'a> Canvas<'a> {
         true
     }
 
-    /// What the next click of a tool does, at the lower edge above the rulers.
+    /// What the next click of a tool does, at the lower edge above the rulers; returns where it is written.
     pub(super) fn hint(&self, text: String) -> Rect {
         let place = Pos2::new(self.rect.center().x, self.rect.bottom() - 52.0);
         let galley = self.painter.layout_no_wrap(text, FontId::proportional(13.0), Color32::WHITE);
-        let ground = Align2::CENTER_CENTER.anchor_size(place, galley.size());
-        self.painter.rect_filled(ground.expand2(egui::vec2(8.0, 4.0)), 4.0, Color32::from_black_alpha(190));
-        self.painter.galley(ground.min, galley, Color32::WHITE);
-        ground.expand2(egui::vec2(8.0, 4.0))
+        let text = Align2::CENTER_CENTER.anchor_size(place, galley.size());
+        let ground = text.expand2(egui::vec2(8.0, 4.0));
+        self.painter.rect_filled(ground, 4.0, Color32::from_black_alpha(190));
+        self.painter.galley(text.min, galley, Color32::WHITE);
+        ground
     }
 }
 

@@ -45,21 +45,19 @@ fn is_local(_: &UiState, shown: &ViewModel<'_>) -> Availability {
 
 /// A run of this window has a result once it has come to the end of its scenario.
 fn has_result(_: &UiState, shown: &ViewModel<'_>) -> Availability {
-    match (shown.city, &shown.replay, &shown.run_state.outcome) {
-        (CityKind::Local, None, Some(_)) => Availability::Now,
-        (CityKind::Local, None, None) => {
-            Availability::After(Hint::new("The run has a result once it has come to the end of its scenario"))
-        }
-        _ => Availability::Never,
-    }
+    let lacks = "The run has a result once it has come to the end of its scenario";
+    of_own_run(shown, shown.run_state.outcome.is_some(), lacks)
 }
 
 fn has_log(_: &UiState, shown: &ViewModel<'_>) -> Availability {
-    match (shown.city, &shown.replay, &shown.run_state.folder) {
-        (CityKind::Local, None, Some(_)) => Availability::Now,
-        (CityKind::Local, None, None) => {
-            Availability::After(Hint::new("The run has no log: it is not recorded"))
-        }
+    of_own_run(shown, shown.run_state.folder.is_some(), "The run has no log: it is not recorded")
+}
+
+/// Availability of what a run of this window has, or lacks for a reason.
+fn of_own_run(shown: &ViewModel<'_>, has_it: bool, lacks: &'static str) -> Availability {
+    match (shown.city, &shown.replay) {
+        (CityKind::Local, None) if has_it => Availability::Now,
+        (CityKind::Local, None) => Availability::After(Hint::new(lacks)),
         _ => Availability::Never,
     }
 }
