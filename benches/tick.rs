@@ -1,5 +1,5 @@
 //! Times one tick of the world: vehicles that follow trajectories sent at the control rate, and the whole
-//! lockstep of the city.
+//! lockstep of the city. `THREADS=N` in the environment sets the threads; all processors otherwise.
 #![allow(clippy::disallowed_types, reason = "measures time")]
 
 use city3d_dynamics::vehicle::ModelKind;
@@ -8,6 +8,7 @@ use city3d_roadmap::dxf::{Drawing, EntityShape};
 use city3d_simulation::runner::Run;
 use city3d_simulation::scenario::{Experiment, Library, Overrides, read_experiment};
 use city3d_simulation::sim::World;
+use city3d_workers::Workers;
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
 use glam::DVec2;
 use std::fmt::Write;
@@ -23,6 +24,11 @@ const SPACING_M: f64 = 16.0;
 const SCALE: f64 = 100.0;
 const CONTROL_TICKS: u64 = 2;
 const HORIZON_POINTS: u32 = 13;
+
+fn workers() -> Workers {
+    let threads = std::env::var("THREADS").map(|threads| threads.parse().expect("a number of threads"));
+    threads.map_or_else(|_| Workers::of_machine(), Workers::new)
+}
 
 /// Parallel straight lanes, long enough for the bench, with cars one behind the other on each.
 fn parade(cars: usize, model: ModelKind) -> Arc<Experiment> {
@@ -52,7 +58,9 @@ fn parade(cars: usize, model: ModelKind) -> Arc<Experiment> {
     std::fs::write(folder.path().join("parade.dxf"), drawing.to_dxf()).expect("a file for the map");
     let library = Library::beside(&folder.path().join("parade.toml"));
     let overrides = Overrides { model: Some(model), ..Overrides::default() };
-    Arc::new(read_experiment("parade", &text, &library, overrides).unwrap_or_else(|error| panic!("{error}")))
+    let read =
+        read_experiment("parade", &text, &library, overrides).unwrap_or_else(|error| panic!("{error}"));
+    Arc::new(Experiment { workers: workers(), ..read })
 }
 
 /// A world in motion and what drives it on.
@@ -114,7 +122,7 @@ fn ticks(criterion: &mut Criterion) {
     let mut group = criterion.benchmark_group("tick");
     group.warm_up_time(Duration::from_secs(1)).measurement_time(Duration::from_secs(4)).sample_size(10);
     for (name, model) in [("raycast", ModelKind::Raycast), ("bicycle", ModelKind::Bicycle)] {
-        for cars in [1, 50, 500, 5000] {
+        for cars in [1, 50, 500, 5000, 10_000] {
             let mut parade = Parade::new(parade(cars, model));
             group.throughput(Throughput::Elements(cars as u64));
             group.bench_function(BenchmarkId::new(name, cars), |bencher| {

@@ -64,7 +64,7 @@ impl SweepPlan {
         let text = job.scenario(&self.text).map_err(Failure::bad_input)?;
         let changed = ChangeArgs { seed: job.seed.or(self.args.changed.seed), ..self.args.changed.clone() };
         let args = ScenarioArgs { changed, ..self.args.clone() };
-        let experiment = Arc::new(load::from_text(&args, &text, &self.library)?);
+        let experiment = Arc::new(load::from_text(&args, &text, &self.library)?.on_one_thread());
         let seed = experiment.seed;
         let outcome = RunMetrics::of(experiment).map_err(Failure::bad_input)?;
         Ok(sweep::row(job, seed, &outcome))

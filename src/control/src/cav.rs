@@ -442,16 +442,9 @@ impl Cav {
 
     /// Updates the yielding state. Yielding begins when right of way has held the vehicle for a while, and
     /// lasts until no vehicle has priority at that section, whatever else limits it meanwhile.
-    pub(super) fn note_yielding(
-        &mut self,
-        now_s: f64,
-        decision: &Decision,
-        gives_way: impl Fn(usize) -> bool,
-    ) {
+    pub(super) fn note_yielding(&mut self, now_s: f64, decision: &Decision, still_gives_way: bool) {
         self.yielding = match (self.yielding, decision.gives_way_at) {
-            (Yielding::At { section, since_s }, _)
-                if gives_way(section) || now_s - since_s < YIELDS_FOR_S =>
-            {
+            (Yielding::At { section, since_s }, _) if still_gives_way || now_s - since_s < YIELDS_FOR_S => {
                 Yielding::At { section, since_s }
             }
             (Yielding::Held { section, since_s }, Some(at)) if at == section => {

@@ -8,7 +8,7 @@ use std::f64::consts::TAU;
 use std::fmt::Debug;
 
 /// Longitudinal controller: decides the acceleration along the path.
-pub trait Controller: Debug + Send {
+pub trait Controller: Debug + Send + Sync {
     /// Acceleration along the path, laboratory m/s2, for an allowed speed `desired_mps` and one leader (or a
     /// free road). Of several leaders the least acceleration applies.
     fn acceleration(&self, own: OwnMotion, desired_mps: f64, ahead: Option<LeaderState>) -> f64;

@@ -3,6 +3,7 @@
 //!
 //! It runs in lockstep with the city, or in its own process across the network.
 
+mod answers;
 mod cacc;
 mod cav;
 mod controller;
@@ -42,15 +43,16 @@ pub use signals::{
     Signals, WebsterLimits, WebsterTiming, all_red_time_s, webster, yellow_time_s,
 };
 
-use city3d_protocol::snapshot::{DecisionReason, VehicleId};
+use answers::{Answer, Heeded, Surroundings};
+use city3d_protocol::snapshot::VehicleId;
 use city3d_protocol::wire::{Measurement, Message};
 use city3d_roadmap::{LabMap, LaneIndex};
+use city3d_workers::Workers;
 use coordination::filter::SafetyFilter;
 use coordination::platoon::{PlatoonParams, Platoons};
 use coordination::{CoordinationReport, ZoneCoordination};
-use decision::{Decision, Obstacle, ObstacleKind, StopPlace};
 use platooning::Platooning;
-use right_of_way::{ConstraintKind, RightOfWay, YieldConstraint};
+use right_of_way::RightOfWay;
 use std::sync::Arc;
 use strangers::Strangers;
 use thiserror::Error;
@@ -96,9 +98,10 @@ pub struct Mainframe {
     occupancy: Occupancy,
     right_of_way: RightOfWay,
     coordination: Option<ZoneCoordination>,
-    yield_constraints: Vec<YieldConstraint>,
-    /// Obstacles of the vehicle that is decided for; a buffer.
-    ahead: Vec<Obstacle>,
+    /// Of a vehicle that decides in order; a buffer.
+    heeded: Heeded,
+    /// By vehicle; a buffer.
+    answers: Vec<Answer>,
     /// Safety filter of planned accelerations, with its counts.
     safety_filter: SafetyFilter,
     /// Vehicles that somebody else controls.
@@ -111,6 +114,7 @@ pub struct Mainframe {
     last_step_s: Option<f64>,
     /// While it only estimates the motion of vehicles that were under way when it came.
     estimates_until_s: Option<f64>,
+    workers: Workers,
 }
 
 /// Look-ahead distance to the leader, laboratory metres.
@@ -155,8 +159,8 @@ impl Mainframe {
             map,
             cavs,
             occupancy: Occupancy::default(),
-            yield_constraints: Vec::new(),
-            ahead: Vec::new(),
+            heeded: Heeded::default(),
+            answers: Vec::new(),
             safety_filter: SafetyFilter::default(),
             strangers: Strangers::default(),
             algorithms,
@@ -164,6 +168,7 @@ impl Mainframe {
             signals,
             last_step_s: None,
             estimates_until_s: None,
+            workers: Workers::alone(),
         })
     }
 
@@ -223,30 +228,27 @@ impl Mainframe {
         false
     }
 
+    /// Steps are worked on by these from now on; they come out the same, whatever the number of threads.
+    pub fn set_workers(&mut self, workers: Workers) {
+        self.workers = workers;
+    }
+
     /// One control step at `time_s`: takes the poses that have arrived and returns a message for every
     /// vehicle that has been measured.
     pub fn step(&mut self, time_s: f64, arrived: &[Measurement], messages: &mut Vec<Message>) {
-        let mut next = 0;
-        for seen in arrived {
-            // Poses come in the order of ids, as a rule.
-            let is_next = self.cavs.get(next).is_some_and(|cav| cav.id == seen.vehicle);
-            let found = || self.cavs.binary_search_by_key(&seen.vehicle, |cav| cav.id).ok();
-            if let Some(index) = if is_next { Some(next) } else { found() } {
-                next = index + 1;
-                self.cavs[index].update_pose((&self.map, &self.lanes), time_s, seen);
-            } else {
-                self.strangers.update(seen);
-            }
-        }
+        let workers = self.workers.clone();
+        workers.at_hand(self.cavs.len(), || self.step_at_hand(time_s, arrived, messages));
+    }
+
+    fn step_at_hand(&mut self, time_s: f64, arrived: &[Measurement], messages: &mut Vec<Message>) {
+        self.take_poses(time_s, arrived);
         self.strangers.advance_to((&self.map, &self.lanes), time_s);
         if self.still_estimates(time_s) {
             return;
         }
         let dt_s = self.last_step_s.map_or(0.0, |last_s| time_s - last_s);
         self.last_step_s = Some(time_s);
-        for cav in &mut self.cavs {
-            cav.advance_to(time_s);
-        }
+        self.workers.each(&mut self.cavs, |_, cav| cav.advance_to(time_s));
         self.occupancy.fill((&self.map, &self.lanes), &self.cavs);
         if let Some(coordination) = &mut self.coordination {
             coordination.update(time_s, &mut self.cavs);
@@ -258,72 +260,90 @@ impl Mainframe {
         if let Some(platooning) = &mut self.platooning {
             platooning.update(time_s, &self.map, &mut self.cavs, &self.occupancy, &self.strangers);
         }
-        for place in 0..self.cavs.len() {
-            let index = self.platooning.as_ref().map_or(place, |platooning| platooning.decides_at(place));
-            if self.cavs[index].is_on_route() {
-                let decision = self.decide(index, time_s);
-                let gives_way =
-                    |section| self.yield_constraints.iter().any(|h| h.gives_way && h.section == section);
-                let cav = &mut self.cavs[index];
-                cav.note_yielding(time_s, &decision, gives_way);
-                cav.apply(decision, time_s, dt_s);
-                cav.limit = Limit::applied(cav, &decision);
-                messages.push(Message::Follow(plan::trajectory(&self.map, cav, time_s)));
-            } else if self.cavs[index].is_seen() {
-                // No route leads on from there.
-                self.cavs[index].limit = Limit::of(DecisionReason::OffRoute);
-                messages.push(Message::Follow(plan::stop_straight(&mut self.cavs[index], time_s)));
+        self.answer(time_s, dt_s, messages);
+    }
+
+    /// Adds the poses that have arrived. With one for each vehicle, in the order of ids, vehicles take theirs side by side.
+    fn take_poses(&mut self, time_s: f64, arrived: &[Measurement]) {
+        let (map, lanes) = (&*self.map, &self.lanes);
+        let is_in_order = arrived.windows(2).all(|pair| pair[0].vehicle < pair[1].vehicle);
+        if !is_in_order {
+            for seen in arrived {
+                match self.cavs.binary_search_by_key(&seen.vehicle, |cav| cav.id) {
+                    Ok(index) => self.cavs[index].update_pose((map, lanes), time_s, seen),
+                    Err(_) => self.strangers.update(seen),
+                }
+            }
+            return;
+        }
+        // As a rule, all vehicles are under control, and all are seen.
+        let of = |index: usize, id: VehicleId| match arrived.get(index) {
+            Some(seen) if seen.vehicle == id => Some(seen),
+            _ => arrived.binary_search_by_key(&id, |seen| seen.vehicle).ok().map(|found| &arrived[found]),
+        };
+        self.workers.each(&mut self.cavs, |index, cav| {
+            if let Some(seen) = of(index, cav.id) {
+                cav.update_pose((map, lanes), time_s, seen);
+            }
+        });
+        let mut cavs = self.cavs.iter().peekable();
+        for seen in arrived {
+            while cavs.next_if(|cav| cav.id < seen.vehicle).is_some() {}
+            if cavs.next_if(|cav| cav.id == seen.vehicle).is_none() {
+                self.strangers.update(seen);
             }
         }
     }
 
-    fn decide(&mut self, index: usize, now_s: f64) -> Decision {
-        self.look_ahead(index);
-        let cav = &self.cavs[index];
-        match cav.planned_acceleration(now_s) {
-            Some(planned) => Decision::of_plan(planned, cav, &self.ahead, &mut self.safety_filter),
-            None => Decision::of_driver(cav, &self.ahead),
+    /// Lets the vehicles decide, and adds the messages to them.
+    fn answer(&mut self, time_s: f64, dt_s: f64, messages: &mut Vec<Message>) {
+        self.answers.resize_with(self.cavs.len(), Answer::default);
+        let around = Surroundings {
+            map: &self.map,
+            cavs: &self.cavs,
+            occupancy: &self.occupancy,
+            right_of_way: &self.right_of_way,
+            strangers: &self.strangers,
+            platooning: self.platooning.as_ref(),
+        };
+        self.workers.each_with(&mut self.answers, Heeded::default, |heeded, index, answer| {
+            answer.begin(&around, index, heeded);
+        });
+        if self.coordination.is_some() || self.platooning.is_some() {
+            self.decide_in_order(time_s, dt_s);
         }
+        let map = &*self.map;
+        self.workers.each_of_two((&mut self.cavs, &mut self.answers), |_, cav, answer| {
+            answer.finish(map, cav, (time_s, dt_s));
+        });
+        messages.extend((0..self.cavs.len()).filter_map(|place| {
+            let index = self.platooning.as_ref().map_or(place, |platooning| platooning.decides_at(place));
+            self.answers[index].take_trajectory().map(Message::Follow)
+        }));
     }
 
-    /// Collects what a vehicle has to heed.
-    fn look_ahead(&mut self, index: usize) {
-        let cav = &self.cavs[index];
-        self.ahead.clear();
-        if let Some(leader) = self.occupancy.leader(&self.cavs, index, SIGHT_M) {
-            let told = self.platooning.as_ref().and_then(|p| p.broadcast(&self.cavs, index, &leader));
-            let (kind, reason) = match told {
-                Some(platoon) => (ObstacleKind::Predecessor(leader.ahead, platoon), DecisionReason::Platoon),
-                None => (ObstacleKind::Leader(leader.ahead), DecisionReason::Leader),
+    /// Members of platoons are told what their predecessors have decided, and a vehicle on a plan relies on those of others that
+    /// still follow theirs.
+    fn decide_in_order(&mut self, time_s: f64, dt_s: f64) {
+        for place in 0..self.cavs.len() {
+            let index = self.platooning.as_ref().map_or(place, |platooning| platooning.decides_at(place));
+            if !self.cavs[index].is_on_route() {
+                continue;
+            }
+            let around = Surroundings {
+                map: &self.map,
+                cavs: &self.cavs,
+                occupancy: &self.occupancy,
+                right_of_way: &self.right_of_way,
+                strangers: &self.strangers,
+                platooning: self.platooning.as_ref(),
             };
-            let limit = Limit::behind(reason, Some(self.cavs[leader.vehicle].id), leader.ahead.gap_m);
-            self.ahead.push(Obstacle { kind, gives_way_at: None, limit });
+            let decided = self.answers[index].decided().unwrap_or_else(|| {
+                around.vehicle_decides(index, time_s, (&mut self.heeded, &mut self.safety_filter))
+            });
+            decided.apply(&mut self.cavs[index], time_s, dt_s);
+            self.answers[index].set_applied();
         }
-        let others = [
-            (self.strangers.leader(cav, SIGHT_M), DecisionReason::Leader),
-            (cav.end_of_route(), DecisionReason::RouteEnd),
-        ];
-        self.ahead.extend(others.into_iter().filter_map(|(ahead, reason)| {
-            let ahead = ahead?;
-            Some(Obstacle::leader(ahead, Limit::behind(reason, None, ahead.gap_m)))
-        }));
-        self.yield_constraints.clear();
-        let wait_m =
-            self.right_of_way.yield_constraints(&self.map, index, &self.cavs, &mut self.yield_constraints);
-        for constraint in &self.yield_constraints {
-            let keeps_gap = constraint.section == cav.passage.next_section;
-            let place = |gap_m| StopPlace { gap_m, keeps_gap };
-            let kind = match constraint.kind {
-                ConstraintKind::Stop { gap_m } => ObstacleKind::Stop(place(gap_m)),
-                ConstraintKind::Merging { leader, wait_gap_m } => {
-                    ObstacleKind::Merging(leader, (wait_gap_m > 0.0).then(|| place(wait_gap_m)))
-                }
-            };
-            let gives_way_at = constraint.gives_way.then_some(constraint.section);
-            let limit = Limit::of_constraint(cav, &self.cavs, constraint);
-            self.ahead.push(Obstacle { kind, gives_way_at, limit });
-        }
-        self.cavs[index].wait_m = wait_m;
     }
 
     /// What coordination has done so far; `None` without it.

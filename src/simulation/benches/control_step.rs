@@ -1,6 +1,7 @@
 //! Times the control step on grid maps with inflows: coordinated vehicles beside those that yield, and ten times as many
 //! on ten times as many junctions, in one city and in ten. Every row is the same simulated interval of the same demand, and ends with its digest.
 //! Steps are timed twice: in lockstep with the world, as in a run, and alone, when the caches hold nothing but control.
+//! `THREADS=N` in the environment sets the threads of control and world; all processors otherwise.
 #![allow(clippy::disallowed_types, reason = "measures time")]
 #![allow(clippy::unwrap_used, reason = "a bench may end where it finds something wrong")]
 
@@ -12,6 +13,7 @@ use city3d_roadmap::{Grid, GridArm, LabMap, load_map};
 use city3d_simulation::demand::Demand;
 use city3d_simulation::scenario::{Experiment, Library, Overrides, read_experiment};
 use city3d_simulation::sim::World;
+use city3d_workers::Workers;
 use std::collections::BTreeMap;
 use std::fmt::Write;
 use std::sync::Arc;
@@ -46,6 +48,12 @@ const DEMANDED: [Demanded; 6] = [
     Demanded { grid: "10x10", cities: 1, rate_veh_h: 250.0, within_m: f64::INFINITY },
 ];
 
+/// Threads of control and world.
+fn workers() -> Workers {
+    let threads = std::env::var("THREADS").map(|threads| threads.parse().unwrap());
+    threads.map_or_else(|_| Workers::of_machine(), Workers::new)
+}
+
 fn distance_m(map: &LabMap, from: &GridArm, to: &GridArm) -> f64 {
     let curve = |name: &str| &map.lane_by_name(name).unwrap().curve;
     curve(&from.entry).start().position.distance(curve(&to.exit).end().position)
@@ -72,7 +80,8 @@ fn experiment(demanded: &Demanded, algorithm: &str) -> Arc<Experiment> {
     }
     let library = Library::kept(drawing, BTreeMap::new());
     let overrides = Overrides { model: Some(ModelKind::Bicycle), ..Overrides::default() };
-    Arc::new(read_experiment("grid", &text, &library, overrides).unwrap_or_else(|error| panic!("{error}")))
+    let read = read_experiment("grid", &text, &library, overrides).unwrap_or_else(|error| panic!("{error}"));
+    Arc::new(Experiment { workers: workers(), ..read })
 }
 
 /// What the control steps of a run took.
@@ -168,7 +177,8 @@ struct Control {
 impl Control {
     fn new(experiment: &Experiment) -> Self {
         let map = Arc::clone(&experiment.lab_map);
-        let mainframe = Mainframe::new(map, experiment.cav_setups(), experiment.rules()).unwrap();
+        let mut mainframe = Mainframe::new(map, experiment.cav_setups(), experiment.rules()).unwrap();
+        mainframe.set_workers(experiment.workers.clone());
         Self { mainframe, demand: Demand::new(experiment).unwrap(), messages: Vec::new() }
     }
 

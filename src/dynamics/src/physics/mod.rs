@@ -95,6 +95,25 @@ pub struct BoxBody {
     pub inertia_kgm2: DVec3,
 }
 
+/// What moves a body in the next step, city frame.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Impetus {
+    /// Of a dynamic body, in addition to gravity and contacts.
+    Forces {
+        /// At the centre of mass.
+        force_n: DVec3,
+        /// About the axes of the city frame.
+        torque_nm: DVec3,
+    },
+    /// Of a kinematic body: where it is after the step.
+    Pose {
+        /// Of the body's origin, metres.
+        position: DVec3,
+        /// Heading, counter-clockwise from east.
+        yaw_rad: f64,
+    },
+}
+
 /// Pose and velocity of a body, city frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BodyState {
@@ -195,7 +214,7 @@ impl Physics {
         self.insert(rigid, body)
     }
 
-    /// Adds a kinematic body, which follows [`Self::move_to`] and pushes others away.
+    /// Adds a kinematic body, which goes from [pose to pose](Impetus::Pose) and pushes others away.
     pub fn add_guided_box(&mut self, body: &BoxBody) -> BodyId {
         let rigid =
             RigidBodyBuilder::kinematic_position_based().pose(pose(body.position, body.yaw_rad)).build();
@@ -243,21 +262,19 @@ impl Physics {
         })
     }
 
-    /// Sets the force at the centre of mass and the torque on a body for the next steps, city frame, in
-    /// addition to gravity and contacts.
-    pub fn set_force(&mut self, body: BodyId, force_n: DVec3, torque_nm: DVec3) {
-        if let Some(rigid) = self.bodies.get_mut(body.0) {
-            rigid.reset_forces(false);
-            rigid.reset_torques(false);
-            rigid.add_force(vector(force_n), false);
-            rigid.add_torque(vector(torque_nm), false);
-        }
-    }
-
-    /// Sets the pose of a kinematic body after the next step.
-    pub fn move_to(&mut self, body: BodyId, position: DVec3, yaw_rad: f64) {
-        if let Some(rigid) = self.bodies.get_mut(body.0) {
-            rigid.set_next_kinematic_position(pose(position, yaw_rad));
+    /// Lets an impetus act on a body; one that was removed is no error.
+    pub fn impel(&mut self, body: BodyId, impetus: &Impetus) {
+        let Some(rigid) = self.bodies.get_mut(body.0) else { return };
+        match *impetus {
+            Impetus::Forces { force_n, torque_nm } => {
+                rigid.reset_forces(false);
+                rigid.reset_torques(false);
+                rigid.add_force(vector(force_n), false);
+                rigid.add_torque(vector(torque_nm), false);
+            }
+            Impetus::Pose { position, yaw_rad } => {
+                rigid.set_next_kinematic_position(pose(position, yaw_rad));
+            }
         }
     }
 

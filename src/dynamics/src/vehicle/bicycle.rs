@@ -4,7 +4,7 @@
 use super::raycast::chassis;
 use super::wheels::{ackermann_headings, angle_of, pedal, steered};
 use super::{Actuation, Motion, VehicleModel, VehicleSpec};
-use crate::physics::{BodyId, Physics};
+use crate::physics::{BodyId, Impetus, Physics};
 use city3d_geometry::digest::{Digest, StateHash};
 use city3d_geometry::{Pose2, trig, wrap_angle};
 use city3d_protocol::snapshot::WheelState;
@@ -71,7 +71,13 @@ fn longitudinal_force(spec: &VehicleSpec, actuation: &Actuation, speed_mps: f64,
 }
 
 impl VehicleModel for Bicycle {
-    fn apply(&mut self, physics: &mut Physics, spec: &VehicleSpec, actuation: &Actuation, dt_s: f64) {
+    fn actuate(
+        &mut self,
+        _physics: &Physics,
+        spec: &VehicleSpec,
+        actuation: &Actuation,
+        dt_s: f64,
+    ) -> Option<Impetus> {
         self.steering_rad = steered(spec, self.steering_rad, actuation.steering_rad, dt_s);
         let before = self.speed_mps;
         self.acceleration_mps2 = longitudinal_force(spec, actuation, before, dt_s) / spec.mass_kg;
@@ -90,7 +96,7 @@ impl VehicleModel for Bicycle {
             *spin += along / d.wheel_radius_m;
         }
         let middle = self.middle(spec);
-        physics.move_to(self.body, middle.position.extend(0.0), middle.yaw_rad);
+        Some(Impetus::Pose { position: middle.position.extend(0.0), yaw_rad: middle.yaw_rad })
     }
 
     fn read_back(&mut self, _physics: &Physics, spec: &VehicleSpec, _dt_s: f64) -> Motion {

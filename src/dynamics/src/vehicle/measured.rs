@@ -6,7 +6,7 @@
 use super::raycast::chassis;
 use super::wheels::{ackermann_headings, angle_of};
 use super::{Actuation, Motion, VehicleModel, VehicleSpec};
-use crate::physics::{BodyId, Physics};
+use crate::physics::{BodyId, Impetus, Physics};
 use city3d_estimation::{MotionEstimate, MotionFilter, NoiseModel, Odometer, PoseUpdate, StandstillChange};
 use city3d_geometry::digest::{Digest, StateHash};
 use city3d_geometry::{LengthScale, Pose2, trig};
@@ -167,8 +167,14 @@ impl Measured {
 
 impl VehicleModel for Measured {
     /// Its actuation comes from the laboratory, not from here.
-    fn apply(&mut self, physics: &mut Physics, _spec: &VehicleSpec, _actuation: &Actuation, _dt_s: f64) {
-        physics.move_to(self.body, self.position(), self.pose.yaw_rad);
+    fn actuate(
+        &mut self,
+        _physics: &Physics,
+        _spec: &VehicleSpec,
+        _actuation: &Actuation,
+        _dt_s: f64,
+    ) -> Option<Impetus> {
+        Some(Impetus::Pose { position: self.position(), yaw_rad: self.pose.yaw_rad })
     }
 
     fn read_back(&mut self, _physics: &Physics, spec: &VehicleSpec, _dt_s: f64) -> Motion {

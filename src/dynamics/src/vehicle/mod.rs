@@ -2,8 +2,8 @@
 //!
 //! City frame and full-scale SI units throughout. A vehicle has a [`VehicleSpec`], a [`Dynamics`] model and a
 //! [`Tracker`] that keeps its front axle on a trajectory. At each tick the tracker computes an [`Actuation`]
-//! from the last [`Motion`], the model applies it, all bodies make one physics step, and the model reads its
-//! motion back.
+//! from the last [`Motion`], the model says what that does to its body, all bodies make one physics step, and the model
+//! reads its motion back.
 
 mod bicycle;
 mod measured;
@@ -24,7 +24,7 @@ pub use raycast::RaycastCar;
 pub use tracker::{Tracker, Tracking};
 pub use wheels::set_wheels;
 
-use crate::physics::{BodyId, Physics};
+use crate::physics::{BodyId, Impetus, Physics};
 use city3d_geometry::digest::{Digest, StateHash};
 use city3d_geometry::{LengthScale, Pose2, trig};
 use city3d_protocol::snapshot::WheelState;
@@ -83,8 +83,15 @@ impl Motion {
 
 /// An interchangeable dynamics model around the shared physics step.
 pub trait VehicleModel {
-    /// Before the step: applies the actuation as forces or as the next pose. `dt_s` is the step length.
-    fn apply(&mut self, physics: &mut Physics, spec: &VehicleSpec, actuation: &Actuation, dt_s: f64);
+    /// Before the step: what the actuation does to its [body](Dynamics::body), for [`Physics::impel`]; `None` where the physics
+    /// does not have it. `dt_s` is the step length.
+    fn actuate(
+        &mut self,
+        physics: &Physics,
+        spec: &VehicleSpec,
+        actuation: &Actuation,
+        dt_s: f64,
+    ) -> Option<Impetus>;
     /// Reads the motion back, once after each step.
     fn read_back(&mut self, physics: &Physics, spec: &VehicleSpec, dt_s: f64) -> Motion;
     /// Removes its bodies from the physics.
@@ -148,8 +155,14 @@ impl Digest for Dynamics {
 }
 
 impl VehicleModel for Dynamics {
-    fn apply(&mut self, physics: &mut Physics, spec: &VehicleSpec, actuation: &Actuation, dt_s: f64) {
-        self.model().apply(physics, spec, actuation, dt_s);
+    fn actuate(
+        &mut self,
+        physics: &Physics,
+        spec: &VehicleSpec,
+        actuation: &Actuation,
+        dt_s: f64,
+    ) -> Option<Impetus> {
+        self.model().actuate(physics, spec, actuation, dt_s)
     }
 
     fn read_back(&mut self, physics: &Physics, spec: &VehicleSpec, dt_s: f64) -> Motion {

@@ -8,7 +8,7 @@
 
 use super::wheels::{ackermann_headings, angle_of, pedal, steered};
 use super::{Actuation, Drive, Motion, VehicleModel, VehicleSpec};
-use crate::physics::{BodyId, BodyState, BoxBody, Physics};
+use crate::physics::{BodyId, BodyState, BoxBody, Impetus, Physics};
 use city3d_geometry::Pose2;
 use city3d_geometry::digest::{Digest, StateHash};
 use city3d_protocol::snapshot::GRAVITY_MPS2;
@@ -212,8 +212,14 @@ fn brush_tyre(linear: f64) -> f64 {
 }
 
 impl VehicleModel for RaycastCar {
-    fn apply(&mut self, physics: &mut Physics, spec: &VehicleSpec, actuation: &Actuation, dt_s: f64) {
-        let Some(state) = physics.body(self.body) else { return };
+    fn actuate(
+        &mut self,
+        physics: &Physics,
+        spec: &VehicleSpec,
+        actuation: &Actuation,
+        dt_s: f64,
+    ) -> Option<Impetus> {
+        let state = physics.body(self.body)?;
         self.steering_rad = steered(spec, self.steering_rad, actuation.steering_rad, dt_s);
         let [left, right] = ackermann_headings(spec, self.steering_rad);
         self.wheels[0].steer_rad = angle_of(left);
@@ -254,7 +260,7 @@ impl VehicleModel for RaycastCar {
             let wheel = &mut self.wheels[contact.wheel];
             wheel.spin_rad += v_ahead / spec.dimensions.wheel_radius_m * dt_s;
         }
-        physics.set_force(self.body, force, torque);
+        Some(Impetus::Forces { force_n: force, torque_nm: torque })
     }
 
     fn read_back(&mut self, physics: &Physics, _spec: &VehicleSpec, dt_s: f64) -> Motion {

@@ -272,7 +272,8 @@ fn cars_crash_into_walls_and_into_one_another() {
             Dynamics::spawn(&mut rig.physics, &other_spec, (Pose2::default(), 0.0), LengthScale::TESTBED);
         let mut pushed = 0.0f64;
         for _ in 0..300 {
-            other.apply(&mut rig.physics, &other_spec, &Actuation::default(), DT);
+            let impetus = other.actuate(&rig.physics, &other_spec, &Actuation::default(), DT).unwrap();
+            rig.physics.impel(other.body(), &impetus);
             rig.drive(&Actuation::default());
             pushed = pushed.max(other.read_back(&rig.physics, &other_spec, DT).velocity_mps.x);
         }

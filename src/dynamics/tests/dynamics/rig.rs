@@ -50,7 +50,8 @@ impl Rig {
     }
 
     pub fn drive(&mut self, actuation: &Actuation) {
-        self.dynamics.apply(&mut self.physics, &self.spec, actuation, DT);
+        let impetus = self.dynamics.actuate(&self.physics, &self.spec, actuation, DT).unwrap();
+        self.physics.impel(self.dynamics.body(), &impetus);
         self.physics.step();
         self.motion = self.dynamics.read_back(&self.physics, &self.spec, DT);
         self.tick += 1;

@@ -34,8 +34,10 @@ impl ControlLoop {
     pub fn new(experiment: &Experiment) -> Result<Self, SetupError> {
         let (map, algorithms) = (Arc::clone(&experiment.lab_map), experiment.algorithms.clone());
         let (setups, rules) = (experiment.cav_setups(), experiment.rules());
+        let mut mainframe = Mainframe::with_algorithms(map, setups, rules, algorithms)?;
+        mainframe.set_workers(experiment.workers.clone());
         Ok(Self {
-            mainframe: Mainframe::with_algorithms(map, setups, rules, algorithms)?,
+            mainframe,
             demand: Demand::new(experiment)?,
             environment: Environment::new(experiment.environment, experiment.seed),
             ticks_per_control: experiment.rates.ticks_per_control(),

@@ -18,6 +18,7 @@ use city3d_geometry::{Lab, LengthScale, Pose2, trig};
 use city3d_protocol::snapshot::{Appearance, Dimensions, Setup, VehicleId};
 use city3d_roadmap::{CityMap, LabMap, LaneId};
 use city3d_sensors::{Sensor, Weather};
+use city3d_workers::Workers;
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
@@ -218,6 +219,8 @@ pub struct Experiment {
     pub platoons: Option<PlatoonParams>,
     /// The algorithms that vehicles and control zones may name.
     pub algorithms: Algorithms,
+    /// Threads of its worlds and its control; results do not depend on them. All processors, unless somebody sets them.
+    pub workers: Workers,
     /// Environment between the control framework and the simulated vehicles.
     pub environment: EnvironmentSpec,
     /// Environment of the robots of `city3d testbed`.
@@ -243,6 +246,12 @@ pub struct Experiment {
 }
 
 impl Experiment {
+    /// The experiment with worlds and control on the thread that steps them, as where many runs are made side by side.
+    #[must_use]
+    pub fn on_one_thread(self) -> Self {
+        Self { workers: Workers::alone(), ..self }
+    }
+
     /// Setups of the vehicles that are there from the beginning, for the control framework.
     pub fn cav_setups(&self) -> Vec<CavSetup> {
         self.vehicles.iter().map(|vehicle| vehicle.cav_setup(self.scale)).collect()

@@ -16,6 +16,7 @@ use city3d_dynamics::vehicle::ModelKind;
 use city3d_geometry::LengthScale;
 use city3d_protocol::snapshot::VehicleId;
 use city3d_roadmap::{CityMap, LabMap, load_map};
+use city3d_workers::Workers;
 use std::collections::BTreeMap;
 use std::fmt::Write;
 use std::ops::Range;
@@ -405,6 +406,7 @@ impl ScenarioReader<'_> {
             coordination: coordination.rules,
             platoons: read_platoons(root),
             algorithms: self.library.algorithms().clone(),
+            workers: Workers::of_machine(),
             environment,
             testbed,
             time_of_day: read_time_of_day(root),

@@ -1,13 +1,13 @@
 //! The simulated world: vehicles, physics and the experiment's clock. Commands in, snapshots out.
 //!
-//! A run is a function of the experiment and the command stream. No wall clock, thread, static or random draw
-//! affects it.
+//! A run is a function of the experiment and the command stream. No wall clock, static or random draw affects it, nor the
+//! number of threads.
 
 mod collision;
 mod vehicle;
 
 use crate::scenario::Experiment;
-use city3d_dynamics::physics::Physics;
+use city3d_dynamics::physics::{Impetus, Physics};
 use city3d_geometry::OrientedRect;
 use city3d_geometry::digest::{Digest, StateHash};
 use city3d_protocol::snapshot::{
@@ -45,6 +45,15 @@ pub struct World {
     solids: Arc<StaticObstacles>,
     roster: Arc<Vec<VehicleInfo>>,
     state: WorldState,
+    /// By vehicle; a buffer.
+    parts: Vec<VehicleStep>,
+}
+
+/// What a step of one vehicle comes to.
+#[derive(Clone, Debug, Default)]
+struct VehicleStep {
+    impetus: Option<Impetus>,
+    events: Vec<Event>,
 }
 
 /// The mutable state: with the experiment it restores the world at any tick.
@@ -114,7 +123,7 @@ impl World {
         let solids = Arc::new(StaticObstacles::of(&experiment.city_map));
         let state = WorldState::initial(&experiment, &solids);
         let roster = state.roster(&experiment);
-        Self { experiment, solids, roster, state }
+        Self { experiment, solids, roster, state, parts: Vec::new() }
     }
 
     /// The experiment that sets the initial conditions.
@@ -145,7 +154,13 @@ impl World {
     /// The world of the same experiment at a saved state.
     pub fn with_state(&self, state: WorldState) -> Self {
         let roster = state.roster(&self.experiment);
-        Self { experiment: Arc::clone(&self.experiment), solids: Arc::clone(&self.solids), roster, state }
+        Self {
+            experiment: Arc::clone(&self.experiment),
+            solids: Arc::clone(&self.solids),
+            roster,
+            state,
+            parts: Vec::new(),
+        }
     }
 
     /// Applies commands, advances by one physics step if the clock runs, and writes the snapshot. Commands
@@ -242,18 +257,33 @@ impl World {
     }
 
     fn step(&mut self, events: &mut Vec<Event>) {
-        let dt_s = self.experiment.rates.dt_s();
+        let experiment = Arc::clone(&self.experiment);
+        experiment.workers.at_hand(self.state.vehicles.len(), || self.step_at_hand(events));
+    }
+
+    fn step_at_hand(&mut self, events: &mut Vec<Event>) {
+        let (dt_s, link_timeout_s) = (self.experiment.rates.dt_s(), self.experiment.link_timeout_s);
+        let workers = &self.experiment.workers;
         let before_s = self.time_s();
-        let state = &mut self.state;
-        for vehicle in &mut state.vehicles {
-            vehicle.actuate(&mut state.physics, before_s, dt_s, self.experiment.link_timeout_s, events);
+        let (state, parts) = (&mut self.state, &mut self.parts);
+        let (physics, vehicles) = (&mut state.physics, &mut state.vehicles);
+        parts.resize_with(vehicles.len(), VehicleStep::default);
+        workers.each_of_two((vehicles, parts), |_, vehicle, part| {
+            part.impetus = vehicle.actuate(physics, before_s, dt_s, link_timeout_s, &mut part.events);
+        });
+        for (vehicle, part) in vehicles.iter().zip(&mut *parts) {
+            if let Some(impetus) = &part.impetus {
+                physics.impel(vehicle.body(), impetus);
+            }
+            events.append(&mut part.events);
         }
-        state.physics.step();
+        physics.step();
         state.tick += 1;
         let time_s = self.experiment.rates.time_s(state.tick);
-        for vehicle in &mut state.vehicles {
-            vehicle.read_back(&state.physics, time_s, dt_s, events);
-        }
+        workers.each_of_two((vehicles, parts), |_, vehicle, part| {
+            vehicle.read_back(physics, time_s, dt_s, &mut part.events);
+        });
+        parts.iter_mut().for_each(|part| events.append(&mut part.events));
         let first = events.len();
         state.collisions.find(&state.vehicles, &self.solids, time_s, events);
         for event in &events[first..] {

@@ -1,7 +1,7 @@
 //! One vehicle of the world: dynamics, tracking control and state.
 
 use crate::scenario::Experiment;
-use city3d_dynamics::physics::{BodyId, Physics};
+use city3d_dynamics::physics::{BodyId, Impetus, Physics};
 use city3d_dynamics::vehicle::{Actuation, Dynamics, Motion, Tracker, VehicleModel, VehicleSpec};
 use city3d_estimation::{LEFT_M, MotionSample, STANDS_MPS, StandstillChange, StandstillDetector};
 use city3d_geometry::digest::{Digest, StateHash};
@@ -193,15 +193,15 @@ impl SimVehicle {
         self.update_status();
     }
 
-    /// Before the physics step: computes and applies the actuation.
+    /// Before the physics step: what its actuation does to its body.
     pub fn actuate(
         &mut self,
-        physics: &mut Physics,
+        physics: &Physics,
         time_s: f64,
         dt_s: f64,
         link_timeout_s: f64,
         events: &mut Vec<Event>,
-    ) {
+    ) -> Option<Impetus> {
         self.watch_link(time_s, link_timeout_s, events);
         let tracking = self.tracker.step(&self.spec, &self.motion, time_s, dt_s);
         self.state.lateral_error_m = tracking.lateral_error_m;
@@ -230,7 +230,7 @@ impl SimVehicle {
         if let Dynamics::Measured(measured) = &mut self.dynamics {
             measured.carry_to(time_s + dt_s, &self.spec, dt_s);
         }
-        self.dynamics.apply(physics, &self.spec, &actuation, dt_s);
+        self.dynamics.actuate(physics, &self.spec, &actuation, dt_s)
     }
 
     fn watch_link(&mut self, time_s: f64, link_timeout_s: f64, events: &mut Vec<Event>) {

@@ -144,7 +144,10 @@ impl Testbed {
         for robot in self.robots.values_mut() {
             let requested = robot.requested_actuation(self.clock, self.dt_s, self.link_timeout_s);
             robot.apply_lag(&requested, share);
-            robot.dynamics.apply(&mut self.physics, &robot.spec, &robot.actuation, self.dt_s);
+            let impetus = robot.dynamics.actuate(&self.physics, &robot.spec, &robot.actuation, self.dt_s);
+            if let Some(impetus) = impetus {
+                self.physics.impel(robot.dynamics.body(), &impetus);
+            }
         }
         self.physics.step();
         self.ticks += 1;

@@ -1,0 +1,180 @@
+//! What the vehicles of a control step decide, and what they are told. Those that decide by what they see alone do so side by
+//! side; who hears of a decision of the same step, in a platoon or on a coordinated plan, decides in order.
+
+use super::cav::Yielding;
+use super::coordination::filter::SafetyFilter;
+use super::decision::{Decision, Obstacle, ObstacleKind, StopPlace};
+use super::limit::Limit;
+use super::platooning::Platooning;
+use super::right_of_way::{ConstraintKind, RightOfWay, YieldConstraint};
+use super::strangers::Strangers;
+use super::traffic::Occupancy;
+use super::{Cav, SIGHT_M, plan};
+use city3d_geometry::Lab;
+use city3d_protocol::snapshot::{DecisionReason, Trajectory};
+use city3d_roadmap::LabMap;
+
+/// What a vehicle decides from.
+#[derive(Clone, Copy)]
+pub(super) struct Surroundings<'s> {
+    pub map: &'s LabMap,
+    pub cavs: &'s [Cav],
+    pub occupancy: &'s Occupancy,
+    pub right_of_way: &'s RightOfWay,
+    pub strangers: &'s Strangers,
+    pub platooning: Option<&'s Platooning>,
+}
+
+/// What a vehicle heeds; buffers.
+#[derive(Debug, Default)]
+pub(super) struct Heeded {
+    ahead: Vec<Obstacle>,
+    constraints: Vec<YieldConstraint>,
+}
+
+/// The decision of one vehicle, with what else it has seen.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Decided {
+    decision: Decision,
+    /// Distance from the front bumper to the nearest place where it has no right of way yet.
+    wait_m: f64,
+    /// Whether somebody has priority where it has been yielding.
+    still_gives_way: bool,
+}
+
+/// The answer to one vehicle in a control step.
+#[derive(Debug, Default)]
+pub(super) struct Answer {
+    decided: Option<Decided>,
+    is_applied: bool,
+    trajectory: Option<Trajectory<Lab>>,
+}
+
+impl Surroundings<'_> {
+    /// What a driver decides by what it sees.
+    pub fn driver_decides(&self, index: usize, heeded: &mut Heeded) -> Decided {
+        let wait_m = self.look_ahead(index, heeded);
+        self.decided(index, Decision::of_driver(&self.cavs[index], &heeded.ahead), wait_m, heeded)
+    }
+
+    /// What a vehicle decides that may have a plan.
+    pub fn vehicle_decides(
+        &self,
+        index: usize,
+        now_s: f64,
+        (heeded, filter): (&mut Heeded, &mut SafetyFilter),
+    ) -> Decided {
+        let Some(planned) = self.cavs[index].planned_acceleration(now_s) else {
+            return self.driver_decides(index, heeded);
+        };
+        let wait_m = self.look_ahead(index, heeded);
+        let decision = Decision::of_plan(planned, &self.cavs[index], &heeded.ahead, filter);
+        self.decided(index, decision, wait_m, heeded)
+    }
+
+    fn decided(&self, index: usize, decision: Decision, wait_m: f64, heeded: &Heeded) -> Decided {
+        let still_gives_way = match self.cavs[index].yielding {
+            Yielding::At { section, .. } => {
+                heeded.constraints.iter().any(|held| held.gives_way && held.section == section)
+            }
+            _ => false,
+        };
+        Decided { decision, wait_m, still_gives_way }
+    }
+
+    /// Collects what a vehicle has to heed. Returns the distance to the nearest place where it has to wait.
+    fn look_ahead(&self, index: usize, heeded: &mut Heeded) -> f64 {
+        let Heeded { ahead, constraints } = heeded;
+        let cav = &self.cavs[index];
+        ahead.clear();
+        if let Some(leader) = self.occupancy.leader(self.cavs, index, SIGHT_M) {
+            let told = self.platooning.and_then(|platooning| platooning.broadcast(self.cavs, index, &leader));
+            let (kind, reason) = match told {
+                Some(platoon) => (ObstacleKind::Predecessor(leader.ahead, platoon), DecisionReason::Platoon),
+                None => (ObstacleKind::Leader(leader.ahead), DecisionReason::Leader),
+            };
+            let limit = Limit::behind(reason, Some(self.cavs[leader.vehicle].id), leader.ahead.gap_m);
+            ahead.push(Obstacle { kind, gives_way_at: None, limit });
+        }
+        let others = [
+            (self.strangers.leader(cav, SIGHT_M), DecisionReason::Leader),
+            (cav.end_of_route(), DecisionReason::RouteEnd),
+        ];
+        ahead.extend(others.into_iter().filter_map(|(there, reason)| {
+            let there = there?;
+            Some(Obstacle::leader(there, Limit::behind(reason, None, there.gap_m)))
+        }));
+        constraints.clear();
+        let wait_m = self.right_of_way.yield_constraints(self.map, index, self.cavs, constraints);
+        ahead.extend(constraints.iter().map(|constraint| self.obstacle_of(cav, constraint)));
+        wait_m
+    }
+
+    fn obstacle_of(&self, cav: &Cav, constraint: &YieldConstraint) -> Obstacle {
+        let keeps_gap = constraint.section == cav.passage.next_section;
+        let place = |gap_m| StopPlace { gap_m, keeps_gap };
+        let kind = match constraint.kind {
+            ConstraintKind::Stop { gap_m } => ObstacleKind::Stop(place(gap_m)),
+            ConstraintKind::Merging { leader, wait_gap_m } => {
+                ObstacleKind::Merging(leader, (wait_gap_m > 0.0).then(|| place(wait_gap_m)))
+            }
+        };
+        let gives_way_at = constraint.gives_way.then_some(constraint.section);
+        Obstacle { kind, gives_way_at, limit: Limit::of_constraint(cav, self.cavs, constraint) }
+    }
+}
+
+impl Answer {
+    /// Forgets the last step, and decides for a vehicle that hears of nobody's decision.
+    pub fn begin(&mut self, around: &Surroundings<'_>, index: usize, heeded: &mut Heeded) {
+        let cav = &around.cavs[index];
+        let hears = around.platooning.is_some() || cav.coordinated_plan().is_some();
+        let is_alone = cav.is_on_route() && !hears;
+        *self = Self {
+            decided: is_alone.then(|| around.driver_decides(index, heeded)),
+            is_applied: false,
+            trajectory: None,
+        };
+    }
+
+    /// What the vehicle has decided by itself.
+    pub fn decided(&self) -> Option<Decided> {
+        self.decided
+    }
+
+    /// Notes that the decision was applied.
+    pub fn set_applied(&mut self) {
+        self.is_applied = true;
+    }
+
+    /// Applies the decision, unless it has been applied in order, and makes the message.
+    pub fn finish(&mut self, map: &LabMap, cav: &mut Cav, (time_s, dt_s): (f64, f64)) {
+        if let Some(decided) = self.decided.filter(|_| !self.is_applied) {
+            decided.apply(cav, time_s, dt_s);
+        }
+        self.trajectory = if cav.is_on_route() {
+            Some(plan::trajectory(map, cav, time_s))
+        } else if cav.is_seen() {
+            // No route leads on from there.
+            cav.limit = Limit::of(DecisionReason::OffRoute);
+            Some(plan::stop_straight(cav, time_s))
+        } else {
+            None
+        };
+    }
+
+    /// The message, once.
+    pub fn take_trajectory(&mut self) -> Option<Trajectory<Lab>> {
+        self.trajectory.take()
+    }
+}
+
+impl Decided {
+    /// Advances the vehicle's plan by a control step.
+    pub fn apply(&self, cav: &mut Cav, time_s: f64, dt_s: f64) {
+        cav.wait_m = self.wait_m;
+        cav.note_yielding(time_s, &self.decision, self.still_gives_way);
+        cav.apply(self.decision, time_s, dt_s);
+        cav.limit = Limit::applied(cav, &self.decision);
+    }
+}

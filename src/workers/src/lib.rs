@@ -1,0 +1,224 @@
+//! Work on several processors, with results that do not depend on how many there are: each item is worked on by one thread
+//! alone, with what the others read unchanged meanwhile.
+//!
+//! A step of control or physics takes a fraction of a millisecond, and to wake a sleeping thread takes a twentieth of one. So
+//! threads that are [at hand](Workers::at_hand) spin between the parts of a step that are shared out, and sleep between steps.
+
+use rayon::{ThreadPool, ThreadPoolBuilder, Yield};
+use std::num::NonZeroUsize;
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::sync::{Arc, Mutex, OnceLock, PoisonError};
+
+/// Threads that share out the work of a step. A copy shares them.
+///
+/// ```
+/// use city3d_workers::Workers;
+/// use std::num::NonZeroUsize;
+///
+/// let workers = Workers::new(NonZeroUsize::new(4).unwrap());
+/// let mut squares: Vec<u64> = (0..1000).collect();
+/// workers.at_hand(squares.len(), || workers.each(&mut squares, |_, number| *number *= *number));
+/// assert_eq!(squares[999], 998_001);
+/// ```
+#[derive(Clone, Debug, Default)]
+pub struct Workers {
+    /// `None` where the caller works alone.
+    others: Option<Arc<Others>>,
+}
+
+/// The threads beside the caller's.
+#[derive(Debug)]
+struct Others {
+    count: usize,
+    /// Made when first needed.
+    pool: OnceLock<Option<ThreadPool>>,
+    /// So many are at hand.
+    ready: AtomicUsize,
+}
+
+/// Items that one thread takes at a time.
+const JOB: usize = 16;
+/// With fewer items for each thread, waking it costs more than it saves.
+const LEAST_SHARE: usize = 128;
+
+impl Workers {
+    /// The caller's thread alone.
+    pub fn alone() -> Self {
+        Self::default()
+    }
+
+    /// So many threads, the caller's among them.
+    pub fn new(threads: NonZeroUsize) -> Self {
+        let others = |count| Arc::new(Others { count, pool: OnceLock::new(), ready: AtomicUsize::new(0) });
+        Self { others: (threads.get() > 1).then(|| others(threads.get() - 1)) }
+    }
+
+    /// A thread for each processor that the process may run on.
+    pub fn of_machine() -> Self {
+        Self::new(std::thread::available_parallelism().unwrap_or(NonZeroUsize::MIN))
+    }
+
+    /// Threads, the caller's among them.
+    pub fn count(&self) -> usize {
+        1 + self.others.as_ref().map_or(0, |others| others.count)
+    }
+
+    /// Keeps threads ready during a step in which work on about `items` things is shared out several times; with few of them, or
+    /// on a system that gives no threads, the caller works alone.
+    pub fn at_hand<R>(&self, items: usize, step: impl FnOnce() -> R) -> R {
+        let Some((others, pool)) = self.others.as_ref().and_then(|others| Some((others, others.pool()?)))
+        else {
+            return step();
+        };
+        let wanted = others.count.min((items / LEAST_SHARE).saturating_sub(1));
+        if wanted == 0 || others.ready.load(Ordering::Relaxed) > 0 {
+            return step();
+        }
+        let (is_over, at_work) = (AtomicBool::new(false), AtWork::default());
+        others.ready.store(wanted, Ordering::Relaxed);
+        pool.in_place_scope(|scope| {
+            for _ in 0..wanted {
+                scope.spawn(|_| {
+                    at_work.during(|| {
+                        while !is_over.load(Ordering::Acquire) {
+                            if rayon::yield_now() != Some(Yield::Executed) {
+                                std::hint::spin_loop();
+                            }
+                        }
+                    });
+                });
+            }
+            let result = {
+                // Also when the step panics.
+                let _over = Over { is_over: &is_over, ready: &others.ready };
+                step()
+            };
+            at_work.await_end();
+            result
+        })
+    }
+
+    /// Calls `work` with the index and the item, for each item, in any order.
+    pub fn each<T: Send>(&self, items: &mut [T], work: impl Fn(usize, &mut T) + Sync) {
+        self.each_with(items, || (), |(), index, item| work(index, item));
+    }
+
+    /// [`Self::each`] with buffers of its own for each thread, which `buffers` makes.
+    pub fn each_with<T: Send, B>(
+        &self,
+        items: &mut [T],
+        buffers: impl Fn() -> B + Sync,
+        work: impl Fn(&mut B, usize, &mut T) + Sync,
+    ) {
+        self.share(items.chunks_mut(JOB).enumerate(), buffers, |buffers, (job, items)| {
+            items.iter_mut().enumerate().for_each(|(k, item)| work(buffers, job * JOB + k, item));
+        });
+    }
+
+    /// Calls `work` with the index and the items at it, for all items of two lists of the same length, in any order.
+    ///
+    /// # Panics
+    /// With lists of different lengths.
+    pub fn each_of_two<A: Send, B: Send>(
+        &self,
+        (first, second): (&mut [A], &mut [B]),
+        work: impl Fn(usize, &mut A, &mut B) + Sync,
+    ) {
+        assert_eq!(first.len(), second.len(), "each item has its partner");
+        let jobs = first.chunks_mut(JOB).zip(second.chunks_mut(JOB)).enumerate();
+        self.share(
+            jobs,
+            || (),
+            |(), (job, (first, second))| {
+                let pairs = first.iter_mut().zip(second).enumerate();
+                pairs.for_each(|(k, (first, second))| work(job * JOB + k, first, second));
+            },
+        );
+    }
+
+    /// The caller takes jobs from the front, the others from the back: in the next part of a step each finds most of what it
+    /// had in its cache.
+    fn share<I: DoubleEndedIterator + ExactSizeIterator + Send, B>(
+        &self,
+        jobs: I,
+        buffers: impl Fn() -> B + Sync,
+        work: impl Fn(&mut B, I::Item) + Sync,
+    ) {
+        let mut own = buffers();
+        let ready = self.others.as_ref().map(|others| (others, others.ready.load(Ordering::Relaxed)));
+        let Some((others, ready)) = ready.filter(|(_, ready)| *ready > 0) else {
+            return jobs.for_each(|job| work(&mut own, job));
+        };
+        let Some(pool) = others.pool() else { return jobs.for_each(|job| work(&mut own, job)) };
+        let (jobs, at_work) = (Mutex::new(jobs), AtWork::default());
+        pool.in_place_scope(|scope| {
+            for _ in 0..ready {
+                scope.spawn(|_| {
+                    at_work.during(|| {
+                        let mut own = buffers();
+                        while let Some(job) = taken(&jobs, DoubleEndedIterator::next_back) {
+                            work(&mut own, job);
+                        }
+                    });
+                });
+            }
+            while let Some(job) = taken(&jobs, Iterator::next) {
+                work(&mut own, job);
+            }
+            at_work.await_end();
+        });
+    }
+}
+
+/// Ends the spinning of threads at hand.
+struct Over<'s> {
+    is_over: &'s AtomicBool,
+    ready: &'s AtomicUsize,
+}
+
+impl Drop for Over<'_> {
+    fn drop(&mut self) {
+        self.ready.store(0, Ordering::Relaxed);
+        self.is_over.store(true, Ordering::Release);
+    }
+}
+
+impl Others {
+    /// `None` where the system gives no threads.
+    fn pool(&self) -> Option<&ThreadPool> {
+        let build = || {
+            ThreadPoolBuilder::new().num_threads(self.count).thread_name(|k| format!("worker {k}")).build()
+        };
+        self.pool.get_or_init(|| build().ok()).as_ref()
+    }
+}
+
+/// Takes a job; the lock is free again while it is worked on.
+fn taken<I: Iterator>(jobs: &Mutex<I>, take: impl FnOnce(&mut I) -> Option<I::Item>) -> Option<I::Item> {
+    // No job runs under the lock, so none can have panicked there.
+    take(&mut jobs.lock().unwrap_or_else(PoisonError::into_inner))
+}
+
+/// Threads that have begun on a part of the work, so that the caller can spin for their last moments in place of sleeping.
+#[derive(Debug, Default)]
+struct AtWork(AtomicUsize);
+
+/// About ten microseconds.
+const SPINS: u32 = 2000;
+
+impl AtWork {
+    fn during(&self, work: impl FnOnce()) {
+        self.0.fetch_add(1, Ordering::Relaxed);
+        work();
+        self.0.fetch_sub(1, Ordering::Release);
+    }
+
+    fn await_end(&self) {
+        for _ in 0..SPINS {
+            if self.0.load(Ordering::Acquire) == 0 {
+                return;
+            }
+            std::hint::spin_loop();
+        }
+    }
+}
