@@ -398,7 +398,8 @@ impl Client<'_> {
     async fn part(mut self, parting: Parting) {
         let counters = &self.shared.counters;
         match parting {
-            Parting::Gone => {}
+            // Who says goodbye is answered; who has gone does not mind.
+            Parting::Gone => drop(timeout(SEND_TIMEOUT, self.sink.close()).await),
             Parting::Slow => Counters::add(&counters.slow, 1),
             Parting::Invalid(why) => {
                 Counters::add(&counters.invalid, 1);

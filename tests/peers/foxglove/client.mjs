@@ -2,9 +2,9 @@
 //
 //   node client.mjs URL    connects with the address with the token, reads what is published, calls services and sets
 //                          parameters; prints one line a finding; fails where something is not as it should be
-import { FoxgloveClient } from "@foxglove/ws-protocol";
-import { parse } from "@foxglove/rosmsg";
-import { MessageReader } from "@foxglove/rosmsg2-serialization";
+import protocol from "@foxglove/ws-protocol";
+import rosmsg from "@foxglove/rosmsg";
+import ros2 from "@foxglove/rosmsg2-serialization";
 import protobuf from "protobufjs";
 import descriptor from "protobufjs/ext/descriptor/index.js";
 import WebSocket from "ws";
@@ -35,7 +35,7 @@ function reader(channel) {
   if (channel.encoding === "json") return (data) => JSON.parse(new TextDecoder().decode(data));
   if (channel.encoding === "cdr") {
     check(channel.schemaEncoding === "ros2msg", `${channel.topic}: ${channel.schemaEncoding}`);
-    const read = new MessageReader(parse(channel.schema, { ros2: true }));
+    const read = new ros2.MessageReader(rosmsg.parse(channel.schema, { ros2: true }));
     return (data) => read.readMessage(data);
   }
   check(channel.encoding === "protobuf", `${channel.topic}: ${channel.encoding}`);
@@ -47,7 +47,7 @@ function reader(channel) {
 class Peer {
   constructor(address) {
     const socket = new WebSocket(address, ["foxglove.sdk.v1"]);
-    this.client = new FoxgloveClient({ ws: socket });
+    this.client = new protocol.FoxgloveClient({ ws: socket });
     this.channels = new Map();
     this.services = new Map();
     this.heard = new Map();
