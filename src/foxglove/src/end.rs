@@ -21,7 +21,7 @@ const MAX_BYTES: usize = 16 << 20;
 /// Snapshots whose memory is kept.
 const SPARE_SNAPSHOTS: usize = 8;
 /// Least time on the wall between two snapshots, for cities that run many times as fast.
-const SNAPSHOT_INTERVAL: Duration = Duration::from_millis(8);
+const SNAPSHOT_INTERVAL: Duration = Duration::from_millis(4);
 
 /// What the server is told of a moment.
 #[derive(Debug)]

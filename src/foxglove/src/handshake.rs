@@ -32,6 +32,8 @@ pub(crate) fn admit(
     (token, origins): (&Token, &[String]),
 ) -> Result<(Response, Access), ErrorResponse> {
     if !is_known_origin(request.headers(), origins) {
+        // For who wonders why an application does not connect.
+        tracing::info!("a page of {:?} may not connect", request.headers().get("origin"));
         return Err(refusal(StatusCode::FORBIDDEN, "this page may not connect: see --foxglove-origin"));
     }
     let Some(subprotocol) = subprotocol(request.headers()) else {

@@ -86,7 +86,7 @@ impl Publisher {
         self.map(time_ns);
     }
 
-    fn wanted<'a>(channel: &'a Arc<Channel>) -> Option<&'a Arc<Channel>> {
+    fn wanted(channel: &Arc<Channel>) -> Option<&Arc<Channel>> {
         Some(channel).filter(|channel| channel.is_wanted())
     }
 

@@ -45,8 +45,8 @@ function reader(channel) {
 }
 
 class Peer {
-  constructor(address) {
-    const socket = new WebSocket(address, ["foxglove.sdk.v1"]);
+  constructor(address, subprotocol = "foxglove.sdk.v1") {
+    const socket = new WebSocket(address, [subprotocol]);
     this.client = new protocol.FoxgloveClient({ ws: socket });
     this.channels = new Map();
     this.services = new Map();
@@ -137,7 +137,8 @@ async function talk() {
   await until(() => peer.times.at(-1) < before, "the time goes back");
   console.log("pause, start and reset are carried out, as services and as parameters; the time goes back with a reset");
 
-  const watcher = new Peer(url.split("?")[0]);
+  // As older applications call it.
+  const watcher = new Peer(url.split("?")[0], protocol.FoxgloveClient.SUPPORTED_SUBPROTOCOL);
   const answer = await watcher.call("/city3d/start");
   check(!answer.success && answer.message.includes("watches"), JSON.stringify(answer));
   await watcher.subscribe("/city3d/snapshot");

@@ -1,37 +1,44 @@
 //! What a client costs the city, and how late it hears.
 
-use crate::peer::{Heard, Peer, START, city};
+use crate::peer::{Heard, Peer, START, city, city_with};
 use city3d_session::{End, EndHealth, Moment, MomentKind};
 use serde_json::json;
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
-/// Keeps when the steps of ticks were done, and how late.
-#[derive(Clone, Default)]
-struct Stopwatch(Arc<Mutex<Ticks>>);
-
+/// What an end does in each tick.
 #[derive(Default)]
 struct Ticks {
-    done: BTreeMap<u64, Instant>,
+    /// When a tick was handed over.
+    taken: BTreeMap<u64, Instant>,
+    /// How long that took.
+    lasted: Vec<Duration>,
+    /// How late the step began.
     late: Vec<Duration>,
 }
 
-impl End for Stopwatch {
+/// Looks at an end with a stopwatch.
+struct Timed(Box<dyn End>, Arc<Mutex<Ticks>>);
+
+impl End for Timed {
     fn name(&self) -> &'static str {
-        "stopwatch"
+        self.0.name()
     }
 
     fn take(&mut self, moment: &Moment<'_>) {
+        let begun = Instant::now();
+        self.0.take(moment);
         if moment.kind == MomentKind::Tick {
-            let mut ticks = self.0.lock().unwrap();
-            ticks.done.insert(moment.snapshot.tick, Instant::now());
+            let mut ticks = self.1.lock().unwrap();
+            ticks.lasted.push(begun.elapsed());
+            ticks.taken.insert(moment.snapshot.tick, begun);
             ticks.late.push(moment.timing.begun.saturating_duration_since(moment.timing.due));
         }
     }
 
     fn health(&self) -> EndHealth {
-        EndHealth::default()
+        self.0.health()
     }
 }
 
@@ -42,7 +49,7 @@ fn quantile<T: Copy + Ord>(values: &mut [T], part: f64) -> T {
 
 #[tokio::test]
 async fn channels_without_subscribers_cost_nothing() {
-    let city = city("roundabout", Vec::new());
+    let city = city("roundabout");
     let mut peer = Peer::new(&city.foxglove.url()).await;
     peer.call(START, json!({})).await;
     let until = async |tick: u64| {
@@ -63,8 +70,8 @@ async fn channels_without_subscribers_cost_nothing() {
 async fn figures() {
     const TOPICS: [&str; 4] = ["/city3d/scene", "/tf", "/city3d/snapshot", "/city3d/metrics"];
     for case in ["nobody", "a reader", "a reader and one that does not read"] {
-        let watch = Stopwatch::default();
-        let city = city("city", vec![Box::new(watch.clone())]);
+        let ticks = Arc::<Mutex<Ticks>>::default();
+        let city = city_with("city", |end| Box::new(Timed(end, Arc::clone(&ticks))));
         let mut peer = Peer::new(&city.foxglove.url()).await;
         let mut stalled = Peer::new(&city.foxglove.url()).await;
         if case != "nobody" {
@@ -90,20 +97,21 @@ async fn figures() {
                 let now = Instant::now();
                 bytes += payload.len();
                 let tick = (stamp_ns + 5_000_000) / 10_000_000;
-                let done = watch.0.lock().unwrap().done.get(&tick).copied();
-                if let Some(done) = done.filter(|_| topic == "/city3d/scene") {
-                    delays.push(now.saturating_duration_since(done));
+                let taken = ticks.lock().unwrap().taken.get(&tick).copied();
+                if let Some(taken) = taken.filter(|_| topic == "/city3d/scene") {
+                    delays.push(now.saturating_duration_since(taken));
                 }
             }
         }
         let state = city.session.run_state();
-        let mut late = std::mem::take(&mut watch.0.lock().unwrap().late);
-        let [half, most] = [0.5, 0.99].map(|part| quantile(&mut late, part));
+        let Ticks { mut late, mut lasted, .. } = std::mem::take(&mut *ticks.lock().unwrap());
         println!(
-            "{case}: {} vehicles, {} ticks, late {half:?} (p50) {most:?} (p99), {:.2} times real time; {:?}",
+            "{case}: {} vehicles, {} ticks, {:.2} times real time; late {:?}, handed over in {:?} (p50, p99); {:?}",
             state.now.vehicles.len(),
             late.len(),
             state.real_time_factor,
+            [0.5, 0.99].map(|part| quantile(&mut late, part)),
+            [0.5, 0.99].map(|part| quantile(&mut lasted, part)),
             city.foxglove.counts()
         );
         if !delays.is_empty() {

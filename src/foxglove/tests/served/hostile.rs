@@ -22,7 +22,7 @@ async fn counted(city: &City, count: impl Fn(&City) -> u64, expected: u64) {
 
 #[tokio::test]
 async fn strangers_are_refused_and_counted() {
-    let city = city("roundabout", Vec::new());
+    let city = city("roundabout");
     let url = city.foxglove.url();
     for origin in ["http://evil.example", "null", "https://app.foxglove.dev.evil.example"] {
         assert!(open(&url, &[PROTOCOL, ("origin", origin)]).await.is_err(), "{origin}");
@@ -44,7 +44,7 @@ async fn strangers_are_refused_and_counted() {
 
 #[tokio::test]
 async fn nonsense_ends_a_connection() {
-    let city = city("roundabout", Vec::new());
+    let city = city("roundabout");
     let huge = Packet::text("x".repeat(70 << 10));
     let flood = Packet::text(json!({ "op": "getParameters", "parameterNames": [] }).to_string());
     let calls: Vec<u8> = [&[2][..], &START.to_le_bytes(), &[0; 3]].concat();
@@ -76,7 +76,7 @@ async fn nonsense_ends_a_connection() {
 
 #[tokio::test]
 async fn there_are_no_more_than_so_many_connections() {
-    let city = city("roundabout", Vec::new());
+    let city = city("roundabout");
     let mut peers = Vec::new();
     for _ in 0..32 {
         let mut peer = Peer::new(&city.watched()).await;
@@ -92,7 +92,7 @@ async fn there_are_no_more_than_so_many_connections() {
 
 #[tokio::test]
 async fn a_client_that_does_not_read_delays_nobody_and_is_disconnected() {
-    let city = city("roundabout", Vec::new());
+    let city = city("roundabout");
     let mut stalled = Peer::new(&city.foxglove.url()).await;
     for topic in ["/city3d/scene", "/tf", "/city3d/snapshot", "/city3d/trajectory"] {
         stalled.subscribe(topic).await;

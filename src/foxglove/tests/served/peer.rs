@@ -24,7 +24,12 @@ pub struct City {
 }
 
 /// A scenario with its control framework, offered to Foxglove.
-pub fn city(scenario: &str, others: Vec<Box<dyn End>>) -> City {
+pub fn city(scenario: &str) -> City {
+    city_with(scenario, |end| end)
+}
+
+/// The same, with something around its end.
+pub fn city_with(scenario: &str, wrap: impl FnOnce(Box<dyn End>) -> Box<dyn End>) -> City {
     let request = ScenarioRequest { scenario: scenario.to_owned(), ..ScenarioRequest::default() };
     let experiment = city3d_session::load(&request).unwrap();
     let host = Host::system();
@@ -39,8 +44,7 @@ pub fn city(scenario: &str, others: Vec<Box<dyn End>>) -> City {
         orders: session.orders().unwrap(),
     };
     let (foxglove, end) = FoxgloveServer::start(options).unwrap();
-    let session = others.into_iter().fold(session, Session::with_end).with_end(Box::new(end));
-    let session = session.spawn(None).unwrap();
+    let session = session.with_end(wrap(Box::new(end))).spawn(None).unwrap();
     foxglove.watch(session.published());
     City { foxglove, session }
 }
