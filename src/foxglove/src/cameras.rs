@@ -88,10 +88,10 @@ fn publish(hub: &Hub, camera: &PublishedCamera, taken: &TakenPicture) {
         let place = &taken.view.extrinsics;
         let transform = transform(&camera.frame, place.position, place.orientation, time_ns);
         let message = FrameTransforms { transforms: vec![transform] };
-        hub.publish(&hub.city.transforms, time_ns, encoded(&message));
+        hub.hand_over(&hub.city.transforms, time_ns, encoded(&message));
     }
     if let Some(calibration) = calibration(&taken.view, &camera.frame, time_ns) {
-        hub.publish(&camera.calibration, time_ns, encoded(&calibration));
+        hub.hand_over(&camera.calibration, time_ns, encoded(&calibration));
     }
     if !camera.image.is_wanted() {
         return;
@@ -104,7 +104,7 @@ fn publish(hub: &Hub, camera: &PublishedCamera, taken: &TakenPicture) {
                 data: data.into(),
                 format: "jpeg".to_owned(),
             };
-            hub.publish(&camera.image, time_ns, encoded(&message));
+            hub.hand_over(&camera.image, time_ns, encoded(&message));
         }
         Err(error) => tracing::warn!("a picture is dropped: {error}"),
     }

@@ -66,11 +66,24 @@ pub(crate) struct Channel {
     /// Messages that wait for a client at most (keep last).
     pub depth: usize,
     subscribers: AtomicU32,
+    /// Of this channel and others like it, together.
+    of_group: Arc<AtomicU32>,
 }
 
 impl Channel {
     pub(crate) fn new(id: u32, topic: &str, schema: Arc<Schema>, depth: usize) -> Arc<Self> {
-        Arc::new(Self { id, topic: topic.to_owned(), schema, depth, subscribers: AtomicU32::new(0) })
+        Self::of_group(id, topic, (schema, depth), Arc::default())
+    }
+
+    /// A channel whose subscribers are counted with those of others, too.
+    fn of_group(
+        id: u32,
+        topic: &str,
+        (schema, depth): (Arc<Schema>, usize),
+        of_group: Arc<AtomicU32>,
+    ) -> Arc<Self> {
+        let (topic, subscribers) = (topic.to_owned(), AtomicU32::new(0));
+        Arc::new(Self { id, topic, schema, depth, subscribers, of_group })
     }
 
     /// Somebody listens.
@@ -80,10 +93,12 @@ impl Channel {
 
     pub(crate) fn subscribe(&self) {
         self.subscribers.fetch_add(1, Ordering::Relaxed);
+        self.of_group.fetch_add(1, Ordering::Relaxed);
     }
 
     pub(crate) fn unsubscribe(&self) {
         self.subscribers.fetch_sub(1, Ordering::Relaxed);
+        self.of_group.fetch_sub(1, Ordering::Relaxed);
     }
 
     /// As the protocol advertises it.
@@ -146,9 +161,15 @@ impl CityChannels {
     }
 }
 
-/// The channel of the poses of a vehicle as VICON's bridge publishes them.
-pub(crate) fn vicon_channel(id: u32, vehicle: &str, schema: &Arc<Schema>) -> Arc<Channel> {
-    Channel::new(id, &format!("/{}", vicon_frame(vehicle)), Arc::clone(schema), STATE_DEPTH)
+/// The channel of the poses of a vehicle as VICON's bridge publishes them; `of_group` counts the subscribers of all.
+pub(crate) fn vicon_channel(
+    id: u32,
+    vehicle: &str,
+    schema: &Arc<Schema>,
+    of_group: &Arc<AtomicU32>,
+) -> Arc<Channel> {
+    let topic = format!("/{}", vicon_frame(vehicle));
+    Channel::of_group(id, &topic, (Arc::clone(schema), STATE_DEPTH), Arc::clone(of_group))
 }
 
 /// The channels of a camera: its pictures, and its calibration.

@@ -42,6 +42,7 @@ const PARAMETER_INTERVAL: Duration = Duration::from_millis(250);
 const ADVERTISED_AT_ONCE: usize = 100;
 /// Why a client gives no orders.
 const WATCHES: &str = "this connection watches; the address with the token gives orders";
+const BUSY: &str = "too many orders at once";
 
 type Socket = WebSocketStream<TcpStream>;
 
@@ -263,7 +264,7 @@ impl Client<'_> {
             return self.send_text(self.parameter_answer(id.as_deref())).await;
         };
         let (shared, replies) = (Arc::clone(self.shared), self.replies.clone());
-        self.beside(async move {
+        let is_begun = self.beside(async move {
             let mut outcome = orders.as_ref().map(|_| ()).map_err(Clone::clone);
             for order in orders.unwrap_or_default() {
                 outcome = outcome.and(shared.control.carry_out(order).await);
@@ -277,8 +278,8 @@ impl Client<'_> {
             }
             let answer = protocol::parameter_values(&values, id.as_deref());
             let _ = replies.send(Packet::text(answer)).await;
-        })
-        .await
+        });
+        if is_begun { Ok(()) } else { self.warn(BUSY).await }
     }
 
     fn parameter_answer(&self, id: Option<&str>) -> String {
@@ -310,26 +311,28 @@ impl Client<'_> {
             None => return self.send(Packet::Binary(answer(number, id, Err(WATCHES.to_owned())))).await,
         };
         let (shared, replies) = (Arc::clone(self.shared), self.replies.clone());
-        self.beside(async move {
+        let is_begun = self.beside(async move {
             let outcome = shared.control.carry_out(order).await;
             // A client that has gone needs no answer.
             let _ = replies.send(Packet::Binary(answer(number, id, outcome))).await;
-        })
-        .await
+        });
+        if is_begun {
+            return Ok(());
+        }
+        self.send(Packet::Binary(answer(number, id, Err(BUSY.to_owned())))).await
     }
 
-    /// Does something beside the exchange, if not too much is done already.
-    async fn beside(&mut self, work: impl Future<Output = ()> + Send + 'static) -> Result<(), Parting> {
-        match Arc::clone(&self.calls).try_acquire_owned() {
-            Ok(place) => {
-                tokio::spawn(async move {
-                    work.await;
-                    drop(place);
-                });
-                Ok(())
-            }
-            Err(_) => Err(Parting::Invalid("too many orders at once")),
-        }
+    /// Does something beside the exchange; `false` where too much is done already.
+    fn beside(&self, work: impl Future<Output = ()> + Send + 'static) -> bool {
+        let Ok(place) = Arc::clone(&self.calls).try_acquire_owned() else {
+            Counters::add(&self.shared.counters.lost_orders, 1);
+            return false;
+        };
+        tokio::spawn(async move {
+            work.await;
+            drop(place);
+        });
+        true
     }
 
     async fn tell_parameters(&mut self) -> Result<(), Parting> {

@@ -130,7 +130,8 @@ impl FoxgloveEnd {
             return None;
         }
         self.snapshot_at = Some(now);
-        let spare = self.way.spare.lock().unwrap_or_else(PoisonError::into_inner).pop();
+        // Memory that the other thread just gives back is not worth waiting for.
+        let spare = self.way.spare.try_lock().ok().and_then(|mut spare| spare.pop());
         let mut copy = spare.unwrap_or_default();
         copy.assign(moment.snapshot);
         Some(copy)

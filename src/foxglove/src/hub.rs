@@ -8,11 +8,17 @@ use city3d_protocol::snapshot::VehicleInfo;
 use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
-use tokio::sync::{Notify, watch};
+use tokio::sync::{Notify, mpsc, watch};
 use tokio_tungstenite::tungstenite::Bytes;
 
 /// Channels of vehicles' poses, at most.
 const MAX_VEHICLES: usize = 1000;
+
+/// Messages of other threads that wait for the server's, at most.
+const ELSEWHERE: usize = 64;
+
+/// A message on its way to the clients: its channel, simulated nanoseconds, and its bytes.
+pub(crate) type Publication = (Arc<Channel>, u64, Bytes);
 
 /// The channels that are offered, by their numbers.
 pub(crate) type Offered = Arc<BTreeMap<u32, Arc<Channel>>>;
@@ -30,6 +36,10 @@ pub(crate) struct Hub {
     offered: watch::Sender<Offered>,
     vehicles: Mutex<Vehicles>,
     vicon_schema: Arc<Schema>,
+    /// Subscriptions to the poses of all vehicles together.
+    vicon_subscriptions: Arc<AtomicU32>,
+    /// What other threads publish.
+    elsewhere: mpsc::Sender<Publication>,
     next_id: AtomicU32,
     clients: Mutex<BTreeMap<u64, Arc<Outbox>>>,
     /// Subscriptions of all clients together.
@@ -44,20 +54,25 @@ fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
 }
 
 impl Hub {
-    pub(crate) fn new(city: CityChannels, counters: Arc<Counters>) -> Self {
+    /// A hub, and what other threads hand over to publish.
+    pub(crate) fn new(city: CityChannels, counters: Arc<Counters>) -> (Self, mpsc::Receiver<Publication>) {
+        let (elsewhere, receiver) = mpsc::channel(ELSEWHERE);
         let offered: BTreeMap<_, _> = city.all().map(|channel| (channel.id, Arc::clone(channel))).collect();
         let next_id = AtomicU32::new(offered.keys().last().map_or(1, |last| last + 1));
-        Self {
+        let hub = Self {
             city,
             offered: watch::Sender::new(Arc::new(offered)),
             vehicles: Mutex::default(),
             vicon_schema: Schema::vicon(),
+            vicon_subscriptions: Arc::default(),
+            elsewhere,
             next_id,
             clients: Mutex::default(),
             subscriptions: AtomicU32::new(0),
             subscribed: Notify::new(),
             counters,
-        }
+        };
+        (hub, receiver)
     }
 
     pub(crate) fn next_id(&self) -> u32 {
@@ -105,7 +120,8 @@ impl Hub {
         let mut come = Vec::new();
         for name in present {
             if !vehicles.channels.contains_key(name) {
-                let channel = vicon_channel(self.next_id(), name, &self.vicon_schema);
+                let channel =
+                    vicon_channel(self.next_id(), name, &self.vicon_schema, &self.vicon_subscriptions);
                 come.push((channel.id, Arc::clone(&channel)));
                 vehicles.channels.insert(name.to_owned(), channel);
             }
@@ -120,7 +136,7 @@ impl Hub {
 
     /// Whether anybody listens to the poses of a vehicle.
     pub(crate) fn wants_vicon(&self) -> bool {
-        locked(&self.vehicles).channels.values().any(|channel| channel.is_wanted())
+        self.vicon_subscriptions.load(Ordering::Relaxed) > 0
     }
 
     /// The channel of the poses of a vehicle, where somebody listens to it.
@@ -139,18 +155,15 @@ impl Hub {
     /// Removes a client with its subscriptions.
     pub(crate) fn leave(&self, client: u64) {
         let Some(outbox) = locked(&self.clients).remove(&client) else { return };
-        let offered = Arc::clone(&self.offered.borrow());
-        for id in outbox.channels() {
-            if let Some(channel) = offered.get(&id) {
-                channel.unsubscribe();
-            }
+        for channel in outbox.unsubscribe_all() {
+            channel.unsubscribe();
             self.subscriptions.fetch_sub(1, Ordering::Relaxed);
         }
     }
 
     /// Subscribes a client to a channel; `false` where its numbers are taken.
-    pub(crate) fn subscribe(&self, outbox: &Outbox, channel: &Channel, subscription: u32) -> bool {
-        let is_new = outbox.subscribe(channel.id, subscription);
+    pub(crate) fn subscribe(&self, outbox: &Outbox, channel: &Arc<Channel>, subscription: u32) -> bool {
+        let is_new = outbox.subscribe(channel, subscription);
         if is_new {
             channel.subscribe();
             self.subscriptions.fetch_add(1, Ordering::Relaxed);
@@ -161,11 +174,18 @@ impl Hub {
 
     /// Ends a subscription of a client.
     pub(crate) fn unsubscribe(&self, outbox: &Outbox, subscription: u32) {
-        let Some(id) = outbox.unsubscribe(subscription) else { return };
-        if let Some(channel) = self.offered.borrow().get(&id) {
-            channel.unsubscribe();
-        }
+        let Some(channel) = outbox.unsubscribe(subscription) else { return };
+        channel.unsubscribe();
         self.subscriptions.fetch_sub(1, Ordering::Relaxed);
+    }
+
+    /// Hands a message over to the server's thread, which publishes it. A thread of low priority must not hold what the server
+    /// waits for.
+    #[cfg(feature = "render")]
+    pub(crate) fn hand_over(&self, channel: &Arc<Channel>, stamp_ns: u64, payload: impl Into<Bytes>) {
+        if self.elsewhere.try_send((Arc::clone(channel), stamp_ns, payload.into())).is_err() {
+            Counters::add(&self.counters.skipped, 1);
+        }
     }
 
     /// Hands a message to all clients that have subscribed to its channel.

@@ -1,8 +1,9 @@
 //! What waits for one client: a bounded queue for each channel (keep last), bounded in bytes for all together. Whoever
 //! publishes never waits.
 
+use crate::channel::Channel;
 use std::collections::{BTreeMap, VecDeque};
-use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use tokio::sync::Notify;
 use tokio_tungstenite::tungstenite::Bytes;
 
@@ -30,8 +31,8 @@ pub(crate) enum Next {
 
 #[derive(Debug, Default)]
 struct Queue {
-    /// Numbers of subscriptions by channel.
-    subscriptions: BTreeMap<u32, u32>,
+    /// Numbers of subscriptions by channel, with the channels.
+    subscriptions: BTreeMap<u32, (u32, Arc<Channel>)>,
     waiting: VecDeque<Waiting>,
     bytes: usize,
     time_ns: Option<u64>,
@@ -57,41 +58,42 @@ impl Outbox {
     }
 
     /// Subscribes to a channel; `false` where the client has a subscription to it, or of this number.
-    pub(crate) fn subscribe(&self, channel: u32, subscription: u32) -> bool {
+    pub(crate) fn subscribe(&self, channel: &Arc<Channel>, subscription: u32) -> bool {
         let mut queue = self.queue();
-        let is_new = !queue.subscriptions.contains_key(&channel)
-            && !queue.subscriptions.values().any(|known| *known == subscription);
+        let is_new = !queue.subscriptions.contains_key(&channel.id)
+            && !queue.subscriptions.values().any(|(known, _)| *known == subscription);
         if is_new {
-            queue.subscriptions.insert(channel, subscription);
+            queue.subscriptions.insert(channel.id, (subscription, Arc::clone(channel)));
         }
         is_new
     }
 
     /// Ends a subscription; returns its channel.
-    pub(crate) fn unsubscribe(&self, subscription: u32) -> Option<u32> {
+    pub(crate) fn unsubscribe(&self, subscription: u32) -> Option<Arc<Channel>> {
         let mut queue = self.queue();
-        let channel = queue.subscriptions.iter().find(|(_, known)| **known == subscription)?;
-        let channel = *channel.0;
-        queue.subscriptions.remove(&channel);
-        queue.waiting.retain(|message| message.channel != channel);
+        let mut known = queue.subscriptions.values();
+        let channel = known.find(|(known, _)| *known == subscription)?.1.id;
+        let (_, channel) = queue.subscriptions.remove(&channel)?;
+        queue.waiting.retain(|message| message.channel != channel.id);
         queue.bytes = queue.waiting.iter().map(|message| message.payload.len()).sum();
         Some(channel)
     }
 
     /// The number of the subscription to a channel.
     pub(crate) fn subscription(&self, channel: u32) -> Option<u32> {
-        self.queue().subscriptions.get(&channel).copied()
+        self.queue().subscriptions.get(&channel).map(|(subscription, _)| *subscription)
     }
 
-    /// The channels that the client has subscribed to.
-    pub(crate) fn channels(&self) -> Vec<u32> {
-        self.queue().subscriptions.keys().copied().collect()
+    /// Ends all subscriptions; returns their channels.
+    pub(crate) fn unsubscribe_all(&self) -> Vec<Arc<Channel>> {
+        let subscriptions = std::mem::take(&mut self.queue().subscriptions);
+        subscriptions.into_values().map(|(_, channel)| channel).collect()
     }
 
     /// Queues a message, if the client has subscribed to its channel. Returns how many older ones had to give way.
     pub(crate) fn push(&self, channel: u32, depth: usize, stamp_ns: u64, payload: &Bytes) -> u64 {
         let mut queue = self.queue();
-        let Some(&subscription) = queue.subscriptions.get(&channel) else { return 0 };
+        let Some(&(subscription, _)) = queue.subscriptions.get(&channel) else { return 0 };
         let before = queue.waiting.len();
         let of_channel = queue.waiting.iter().filter(|message| message.channel == channel).count();
         if of_channel >= depth
@@ -146,6 +148,10 @@ impl Outbox {
 mod tests {
     use super::*;
 
+    fn channel(id: u32) -> Arc<Channel> {
+        Channel::new(id, "/poses", crate::channel::Schema::vicon(), 2)
+    }
+
     fn stamps(outbox: &Outbox) -> Vec<(u32, u64)> {
         let mut found = Vec::new();
         while let Some(Next::Message(message)) = outbox.take() {
@@ -157,8 +163,8 @@ mod tests {
     #[test]
     fn of_each_channel_the_last_messages_wait() {
         let outbox = Outbox::default();
-        assert!(outbox.subscribe(1, 10) && outbox.subscribe(2, 20));
-        assert!(!outbox.subscribe(1, 30) && !outbox.subscribe(3, 10), "twice");
+        assert!(outbox.subscribe(&channel(1), 10) && outbox.subscribe(&channel(2), 20));
+        assert!(!outbox.subscribe(&channel(1), 30) && !outbox.subscribe(&channel(3), 10), "twice");
         let payload = Bytes::from_static(b"pose");
         let dropped: u64 = (0..5).map(|stamp_ns| outbox.push(1, 2, stamp_ns, &payload)).sum();
         assert_eq!((dropped, outbox.push(2, 2, 9, &payload), outbox.push(3, 2, 9, &payload)), (3, 0, 0));
@@ -168,7 +174,7 @@ mod tests {
     #[test]
     fn bytes_that_wait_are_bounded_and_a_large_message_passes_alone() {
         let outbox = Outbox::default();
-        outbox.subscribe(1, 10);
+        outbox.subscribe(&channel(1), 10);
         let picture = Bytes::from(vec![0; MAX_BYTES / 4]);
         let dropped: u64 = (0..9).map(|stamp_ns| outbox.push(1, 100, stamp_ns, &picture)).sum();
         assert_eq!((dropped, outbox.queue().bytes), (5, MAX_BYTES));
@@ -182,12 +188,12 @@ mod tests {
         let outbox = Outbox::default();
         outbox.tell_time(5);
         assert_eq!(outbox.take(), None, "nothing is subscribed to");
-        outbox.subscribe(1, 10);
+        outbox.subscribe(&channel(1), 10);
         outbox.push(1, 2, 7, &Bytes::from_static(b"pose"));
         outbox.tell_time(6);
         outbox.tell_time(7);
         assert_eq!(outbox.take(), Some(Next::Time(7)));
-        assert_eq!(outbox.unsubscribe(10), Some(1));
+        assert_eq!(outbox.unsubscribe(10).map(|channel| channel.id), Some(1));
         assert_eq!((outbox.take(), outbox.queue().bytes), (None, 0));
     }
 }

@@ -6,7 +6,7 @@ use crate::control::Control;
 use crate::counters::{Counters, FoxgloveCounts};
 use crate::end::{FoxgloveEnd, ToldReceiver};
 use crate::handshake::{self, Access};
-use crate::hub::Hub;
+use crate::hub::{Hub, Publication};
 use crate::metrics;
 use crate::protocol::MAX_MESSAGE_BYTES;
 use crate::publisher::Publisher;
@@ -21,7 +21,7 @@ use std::sync::{Arc, OnceLock};
 use std::thread::JoinHandle;
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 use tokio::net::TcpStream;
-use tokio::sync::{Semaphore, watch};
+use tokio::sync::{Semaphore, mpsc, watch};
 use tokio::time::{MissedTickBehavior, interval, sleep, timeout};
 use tokio_tungstenite::accept_hdr_async_with_config;
 use tokio_tungstenite::tungstenite::handshake::server::{Request, Response};
@@ -122,7 +122,8 @@ impl FoxgloveServer {
         let (counters, state) = (Arc::<Counters>::default(), Arc::<OnceLock<_>>::default());
         let has_signals = !experiment.lab_map.signals.is_empty();
         let channels = CityChannels::new(&LogTopic::of_log(&experiment, origin), has_signals);
-        let hub = Arc::new(Hub::new(channels, Arc::clone(&counters)));
+        let (hub, elsewhere) = Hub::new(channels, Arc::clone(&counters));
+        let hub = Arc::new(hub);
         let snapshot_ticks = u64::from((experiment.rates.physics_hz / snapshot_hz.max(1)).max(1));
         let (end, told) = FoxgloveEnd::new(Arc::clone(&hub), Arc::clone(&counters), snapshot_ticks);
         let shared = Arc::new(Shared {
@@ -140,7 +141,8 @@ impl FoxgloveServer {
             .map_err(FoxgloveError::Thread)?;
         let (stop, stopped) = watch::channel(false);
         let (inner, publisher) = (Arc::clone(&shared), Publisher::new(hub, experiment));
-        let work = move || runtime.block_on(run(listener, inner, (publisher, told), stopped));
+        let sources = Sources { told, elsewhere };
+        let work = move || runtime.block_on(run(listener, inner, (publisher, sources), stopped));
         let thread = std::thread::Builder::new().name("foxglove".to_owned()).spawn(work);
         let thread = Some(thread.map_err(FoxgloveError::Thread)?);
         Ok((Self { address: bound, shared, state, stop, thread }, end))
@@ -192,10 +194,16 @@ fn bind(address: &str) -> io::Result<TcpListener> {
     Ok(listener)
 }
 
+/// What the server publishes besides the latest state.
+struct Sources {
+    told: ToldReceiver,
+    elsewhere: mpsc::Receiver<Publication>,
+}
+
 async fn run(
     listener: TcpListener,
     shared: Arc<Shared>,
-    (publisher, told): (Publisher, ToldReceiver),
+    (publisher, sources): (Publisher, Sources),
     mut stopped: watch::Receiver<bool>,
 ) {
     let listener = match tokio::net::TcpListener::from_std(listener) {
@@ -205,7 +213,7 @@ async fn run(
     tokio::select! {
         _ = stopped.wait_for(|is_stopped| *is_stopped) => {}
         () = accept(listener, Arc::clone(&shared)) => {}
-        () = publish(publisher, told, &shared) => {}
+        () = publish(publisher, sources, &shared) => {}
     }
 }
 
@@ -250,7 +258,8 @@ async fn connection(stream: TcpStream, shared: &Arc<Shared>) {
 }
 
 /// Publishes moments as they come, and what the latest state tells.
-async fn publish(mut publisher: Publisher, mut told: ToldReceiver, shared: &Shared) {
+async fn publish(mut publisher: Publisher, sources: Sources, shared: &Shared) {
+    let Sources { mut told, mut elsewhere } = sources;
     let mut looks = interval(LOOK_INTERVAL);
     looks.set_missed_tick_behavior(MissedTickBehavior::Delay);
     let (hub, mut shown, mut looked, mut has_ended) = (&shared.hub, None, 0_u32, false);
@@ -266,6 +275,7 @@ async fn publish(mut publisher: Publisher, mut told: ToldReceiver, shared: &Shar
                 }
                 None => has_ended = true,
             },
+            Some((channel, stamp_ns, payload)) = elsewhere.recv() => hub.publish(&channel, stamp_ns, payload),
             () = hub.subscribed.notified() => {
                 sleep(SUBSCRIBED_PAUSE).await;
                 shown = None;
