@@ -66,7 +66,7 @@ pub fn mainframe(args: &MainframeArgs) -> Result<(), Failure> {
         experiment: &experiment,
         origin: LogOrigin::Mainframe,
         snapshot_hz: file_options.log_hz,
-        #[cfg(feature = "render")]
+        #[cfg(all(feature = "foxglove", feature = "render"))]
         look: None,
     };
     let (session, foxglove) = args.foxglove.attach(session, offered)?;

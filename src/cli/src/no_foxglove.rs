@@ -15,8 +15,6 @@ pub struct OfferedCity<'a> {
     pub experiment: &'a Arc<Experiment>,
     pub origin: LogOrigin,
     pub snapshot_hz: u32,
-    #[cfg(feature = "render")]
-    pub look: Option<crate::look::LookArgs>,
 }
 
 pub struct ServedFoxglove;

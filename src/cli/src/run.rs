@@ -68,7 +68,7 @@ pub fn run(args: &RunArgs) -> Result<(), Failure> {
         experiment: &experiment,
         origin: LogOrigin::Run,
         snapshot_hz: args.log.options().log_hz,
-        #[cfg(feature = "render")]
+        #[cfg(all(feature = "foxglove", feature = "render"))]
         look: None,
     };
     let run = Run::new(Arc::clone(&experiment)).map_err(Failure::bad_input)?;
@@ -93,6 +93,7 @@ pub fn files_of(folder: Option<PathBuf>, log: LogArgs) -> RunFiles {
 }
 
 /// Simulates an experiment and writes its files, as fast as possible or at `speed` times real time, until `stop` is set.
+#[cfg(feature = "render")]
 pub fn simulate(
     experiment: &Arc<Experiment>,
     files: RunFiles,

@@ -106,7 +106,7 @@ pub fn serve(args: &ServeArgs) -> Result<(), Failure> {
         experiment: &experiment,
         origin: LogOrigin::Served,
         snapshot_hz: file_options.log_hz,
-        #[cfg(feature = "render")]
+        #[cfg(all(feature = "foxglove", feature = "render"))]
         look: Some(args.ros.look()),
     };
     let (mut session, foxglove) = args.foxglove.attach(session, offered)?;

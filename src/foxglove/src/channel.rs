@@ -14,6 +14,7 @@ const STATE_DEPTH: usize = 8;
 /// Messages of what has happened that wait for a slow client.
 const HISTORY_DEPTH: usize = 512;
 /// Pictures that wait for a slow client.
+#[cfg(feature = "render")]
 const PICTURE_DEPTH: usize = 2;
 
 /// The definition of a message type.

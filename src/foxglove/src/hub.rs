@@ -39,6 +39,7 @@ pub(crate) struct Hub {
     /// Subscriptions to the poses of all vehicles together.
     vicon_subscriptions: Arc<AtomicU32>,
     /// What other threads publish.
+    #[cfg_attr(not(feature = "render"), allow(dead_code, reason = "there are no other threads"))]
     elsewhere: mpsc::Sender<Publication>,
     next_id: AtomicU32,
     clients: Mutex<BTreeMap<u64, Arc<Outbox>>>,
