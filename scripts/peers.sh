@@ -5,6 +5,9 @@
 #                                          Twisted and rospy (what rosbridge_suite is made of) under a roscore of its own
 #   scripts/peers.sh web [FOLDER]          the web page in Debian's Chromium: plan, table, preview, start, drive, reconnect,
 #                                          twenty pages; pictures of it go to FOLDER, out/web unless told otherwise
+#   scripts/peers.sh foxglove [FOLDER]     a served city with Foxglove's own client of its protocol and its readers of ROS 2
+#                                          messages (npm), and its definitions of messages (PyPI); a picture goes to
+#                                          FOLDER, out/foxglove unless told otherwise
 #
 # To check against rosbridge_suite itself, where it is installed: ROSBRIDGE=ws://127.0.0.1:9090 scripts/peers.sh rosbridge.
 # Another program than that of this folder: CITY3D=/usr/bin/city3d scripts/peers.sh rosbridge.
@@ -76,14 +79,14 @@ rosbridge() {
     /usr/bin/python3 tests/peers/rosbridge_report.py "$folder" "$seconds"
 }
 
-# Serves the roundabout on a port, with a mainframe that brings the vehicles.
-serve_page() {
+# serve_city OPTION LINE: serves the roundabout with an option and waits for its line; a mainframe brings the vehicles.
+serve_city() {
     # Of a city before: its lines are not those that are waited for.
     rm -f "$folder/city.out"
-    (trap - INT; exec "$city3d" serve roundabout --headless --bind 127.0.0.1:0 "--web=127.0.0.1:$port") \
+    (trap - INT; exec "$city3d" serve roundabout --headless --bind 127.0.0.1:0 "$1") \
         >"$folder/city.out" 2>"$folder/city.err" &
     city=$!
-    wait_for "$folder/city.out" "web page is at"
+    wait_for "$folder/city.out" "$2"
     local address
     address=$(sed -n 's/.*on udp \([0-9.:]*\).*/\1/p' "$folder/city.out")
     (trap - INT; exec "$city3d" mainframe roundabout --city "$address") >"$folder/mainframe.out" 2>&1 &
@@ -101,7 +104,7 @@ web() {
         city3d="${CARGO_TARGET_DIR:-target}/release/city3d"
     fi
     port=$(free_port)
-    serve_page
+    serve_city "--web=127.0.0.1:$port" "web page is at"
     mkfifo "$folder/restart"
     say "the web page in Chromium"
     target/web-peer/bin/python tests/peers/web.py chromium "$(grep -o 'http://.*' "$folder/city.out")" "$pictures" \
@@ -111,12 +114,44 @@ web() {
     if read -r _ <"$folder/restart"; then
         kill -INT "$city" "$mainframe"
         wait "$city" "$mainframe" || true
-        serve_page
+        serve_city "--web=127.0.0.1:$port" "web page is at"
     fi
     wait "$browser"
 }
 
+foxglove() {
+    local pictures=${1:-out/foxglove} city3d=${CITY3D:-} city mainframe url node=target/foxglove-peer/node
+    command -v npm >/dev/null || install_packages nodejs npm
+    install_packages python3-venv
+    make_venv target/foxglove-peer/python tests/peers/foxglove/requirements.txt
+    if ! cmp -s tests/peers/foxglove/package.json "$node/package.json"; then
+        say "installing tests/peers/foxglove/package.json into $node"
+        rm -rf "$node" && mkdir -p "$node"
+        cp tests/peers/foxglove/package.json "$node/package.json"
+        (cd "$node" && npm install --no-audit --no-fund --ignore-scripts) ||
+            { rm -rf "$node"; die "npm cannot install Foxglove's client"; }
+    fi
+    if [[ -z "$city3d" ]]; then
+        cargo build --release --locked
+        city3d="${CARGO_TARGET_DIR:-target}/release/city3d"
+    fi
+    serve_city --foxglove=127.0.0.1:0 "Foxglove connects to"
+    url=$(grep -o 'ws://.*' "$folder/city.out")
+    mkdir -p "$pictures"
+    say "Foxglove's definitions of messages"
+    target/foxglove-peer/python/bin/python tests/peers/foxglove/scene.py "$url" "$pictures/windscreen.jpg"
+    say "Foxglove's client and its readers"
+    # Modules are looked for beside the script.
+    cp tests/peers/foxglove/client.mjs "$node/client.mjs"
+    node "$node/client.mjs" "$url"
+}
+
 case "${1:-}" in
+    foxglove)
+        set_up
+        shift
+        foxglove "$@"
+        ;;
     web)
         set_up
         shift
@@ -127,5 +162,5 @@ case "${1:-}" in
         shift
         rosbridge "$@"
         ;;
-    *) die "usage: scripts/peers.sh rosbridge [SECONDS], or web [FOLDER]" ;;
+    *) die "usage: scripts/peers.sh rosbridge [SECONDS], web [FOLDER] or foxglove [FOLDER]" ;;
 esac

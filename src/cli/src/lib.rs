@@ -4,11 +4,15 @@
 
 #[cfg(feature = "render")]
 mod bench;
+#[cfg(all(feature = "render", any(feature = "foxglove", feature = "ros")))]
+mod cameras;
 mod check;
 mod compare;
 mod compare_sweeps;
 mod files;
 mod fork;
+#[cfg_attr(not(feature = "foxglove"), path = "no_foxglove.rs")]
+mod foxglove;
 #[cfg(feature = "render")]
 mod frames;
 mod generate;

@@ -1,6 +1,7 @@
 //! `city3d mainframe`: runs the control framework in a process of its own, as a remote controller of a served city.
 
 use super::files::{LogArgs, conclude_files};
+use super::foxglove::{FoxgloveArgs, OfferedCity};
 use super::ros::{self, RosArgs};
 use super::say::say;
 use super::{Failure, LinkArgs, ScenarioArgs, load, on_end, status};
@@ -25,6 +26,8 @@ pub struct MainframeArgs {
     city: String,
     #[command(flatten)]
     ros: RosArgs,
+    #[command(flatten)]
+    foxglove: FoxgloveArgs,
     /// Folder for run.mcap, vehicles.csv and summary.json of what control has seen; without it nothing is written
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
@@ -59,7 +62,15 @@ pub fn mainframe(args: &MainframeArgs) -> Result<(), Failure> {
     let written = files.written();
     let session =
         Session::new(source, host).stopped_by(stop).with_end(Box::new(files)).reporting(status::reporter());
-    if !session.run()?.has_seen() {
+    let offered = OfferedCity {
+        experiment: &experiment,
+        origin: LogOrigin::Mainframe,
+        snapshot_hz: file_options.log_hz,
+        #[cfg(all(feature = "foxglove", feature = "render"))]
+        look: None,
+    };
+    let (session, foxglove) = args.foxglove.attach(session, offered)?;
+    if !foxglove.publishing(session)?.run()?.has_seen() {
         return Err(SessionError::Silent { city: args.city.clone() }.into());
     }
     let written = written.lock().unwrap_or_else(PoisonError::into_inner).clone();

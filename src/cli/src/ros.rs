@@ -79,7 +79,7 @@ pub struct ServedRosArgs {
 
 impl ServedRosArgs {
     /// The looks of the pictures, and of a window beside them.
-    #[cfg(any(feature = "window", all(feature = "web", feature = "render")))]
+    #[cfg(any(feature = "window", all(any(feature = "foxglove", feature = "web"), feature = "render")))]
     pub fn look(&self) -> super::look::LookArgs {
         self.pictures.look()
     }

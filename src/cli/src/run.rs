@@ -2,15 +2,16 @@
 
 use super::files::{LogArgs, conclude, fail_if_stopped, new_folder};
 use super::fork::ForkedRun;
+use super::foxglove::{FoxgloveArgs, OfferedCity};
 use super::{Failure, ScenarioArgs, load, on_end, progress};
 use city3d_logbook::record::{LogOrigin, is_log};
-use city3d_session::{Host, LocalCity, RunFiles, RunFolders, Session, SessionEnd, Speed};
+use city3d_session::{FilesWritten, Host, LocalCity, RunFiles, RunFolders, Session, SessionEnd, Speed};
 use city3d_simulation::runner::{Run, Summary};
 use city3d_simulation::scenario::Experiment;
 use clap::Args;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
-use std::sync::{Arc, PoisonError};
+use std::sync::{Arc, Mutex, PoisonError};
 
 #[derive(Debug, Args)]
 pub struct RunArgs {
@@ -30,6 +31,8 @@ pub struct RunArgs {
     changed: Option<String>,
     #[command(flatten)]
     log: LogArgs,
+    #[command(flatten)]
+    foxglove: FoxgloveArgs,
     /// Write summary.json alone, without run.mcap and vehicles.csv
     #[arg(long, conflicts_with_all = ["log_hz", "csv_hz"])]
     no_log: bool,
@@ -61,7 +64,18 @@ pub fn run(args: &RunArgs) -> Result<(), Failure> {
     let stop = on_end()?;
     let mut files = args.files(files_of(Some(folder.clone()), args.log).in_claimed(Some(claimed)));
     files.begin(&experiment)?;
-    let summary = simulate(&experiment, files, args.speed, stop)?;
+    let offered = OfferedCity {
+        experiment: &experiment,
+        origin: LogOrigin::Run,
+        snapshot_hz: args.log.options().log_hz,
+        #[cfg(all(feature = "foxglove", feature = "render"))]
+        look: None,
+    };
+    let run = Run::new(Arc::clone(&experiment)).map_err(Failure::bad_input)?;
+    let (written, bar) = (files.written(), progress::simulated_seconds(experiment.duration_s));
+    let session = session_of(run, &experiment, files, (args.speed, stop), bar);
+    let (session, foxglove) = args.foxglove.attach(session, offered)?;
+    let summary = summary_of(foxglove.publishing(session)?, &written)?;
     conclude(&summary, &experiment, Some(&folder), args.json)?;
     fail_if_stopped(&summary, &experiment)
 }
@@ -79,6 +93,7 @@ pub fn files_of(folder: Option<PathBuf>, log: LogArgs) -> RunFiles {
 }
 
 /// Simulates an experiment and writes its files, as fast as possible or at `speed` times real time, until `stop` is set.
+#[cfg(feature = "render")]
 pub fn simulate(
     experiment: &Arc<Experiment>,
     files: RunFiles,
@@ -98,7 +113,19 @@ pub fn simulate_rest(
     (speed, stop): (Option<f64>, Arc<AtomicBool>),
     bar: progress::Progress,
 ) -> Result<Summary, Failure> {
-    let (host, written) = (Host::system(), files.written());
+    let written = files.written();
+    summary_of(session_of(run, experiment, files, (speed, stop), bar), &written)
+}
+
+/// A session of the rest of a run.
+fn session_of(
+    run: Run,
+    experiment: &Arc<Experiment>,
+    files: RunFiles,
+    (speed, stop): (Option<f64>, Arc<AtomicBool>),
+    bar: progress::Progress,
+) -> Session<LocalCity> {
+    let host = Host::system();
     let city = LocalCity::on(run, Arc::clone(experiment), host.clone());
     Session::new(city.started(), host)
         .at_speed(speed.map_or(Speed::Unlimited, Speed::Times))
@@ -107,7 +134,11 @@ pub fn simulate_rest(
         .with_end(Box::new(files))
         .with_end(Box::new(bar))
         .strictly()
-        .run()?;
+}
+
+/// Runs a session to its end; `written` is what its files come to.
+fn summary_of(session: Session<LocalCity>, written: &Mutex<FilesWritten>) -> Result<Summary, Failure> {
+    session.run()?;
     let summary = written.lock().unwrap_or_else(PoisonError::into_inner).summary.clone();
     summary.ok_or_else(|| Failure::failed("the run has no summary"))
 }

@@ -1,6 +1,7 @@
 //! `city3d serve`: serves the city, for controllers that connect over UDP, with a window on it where there is a display.
 
 use super::files::{LogArgs, conclude_files};
+use super::foxglove::{FoxgloveArgs, OfferedCity};
 use super::ros::ServedRosArgs;
 use super::say::say;
 use super::{Failure, LinkArgs, ScenarioArgs, load, on_end, status};
@@ -47,6 +48,8 @@ pub struct ServeArgs {
     #[cfg(feature = "web")]
     #[command(flatten)]
     web: super::web::WebArgs,
+    #[command(flatten)]
+    foxglove: FoxgloveArgs,
     /// Open no window [default where there is no display]
     #[arg(long)]
     headless: bool,
@@ -99,6 +102,14 @@ pub fn serve(args: &ServeArgs) -> Result<(), Failure> {
         #[cfg(feature = "render")]
         web.draw(super::look::opener(&args.ros.look(), &experiment));
     }
+    let offered = OfferedCity {
+        experiment: &experiment,
+        origin: LogOrigin::Served,
+        snapshot_hz: file_options.log_hz,
+        #[cfg(all(feature = "foxglove", feature = "render"))]
+        look: Some(args.ros.look()),
+    };
+    let (mut session, foxglove) = args.foxglove.attach(session, offered)?;
     if args.is_watched() {
         session = session.reporting(status::reporter());
     }
@@ -107,6 +118,7 @@ pub fn serve(args: &ServeArgs) -> Result<(), Failure> {
     let session = session.spawn(Some(Arc::clone(&written)))?;
     #[cfg(feature = "web")]
     web.iter().try_for_each(|web| super::web::open(web, &session))?;
+    foxglove.open(&session)?;
     if let Some(session) = args.show(session, &experiment)? {
         session.wait()?;
     }

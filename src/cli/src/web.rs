@@ -2,9 +2,9 @@
 
 use crate::Failure;
 use crate::say::say;
-use city3d_session::{OrderSender, SessionHandle};
+use city3d_session::{OrderSender, SessionHandle, Token};
 use city3d_simulation::scenario::Experiment;
-use city3d_web::{Token, WebOptions, WebServer};
+use city3d_web::{WebOptions, WebServer};
 use clap::Args;
 use std::sync::Arc;
 

@@ -73,6 +73,9 @@ fn no_thread(error: impl std::error::Error + Send + Sync + 'static) -> PictureEr
     PictureError::Thread(Box::new(error))
 }
 
+/// Is told the name of the adapter once it is open.
+type Opened = Sender<Result<String, PictureError>>;
+
 /// A snapshot to draw, with the cameras that are due.
 #[derive(Debug)]
 struct DrawJob {
@@ -102,6 +105,19 @@ impl SharedSlot {
         self.slot.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
+    fn fail(&self, error: PictureError) {
+        self.slot().failure = Some(EndFailure::new(error));
+    }
+
+    /// Waits for a job, and leaves it there; `false` at the end.
+    fn is_wanted(&self) -> bool {
+        let mut slot = self.slot();
+        while slot.job.is_none() && !slot.is_over {
+            slot = self.wake.wait(slot).unwrap_or_else(PoisonError::into_inner);
+        }
+        !slot.is_over
+    }
+
     /// Waits for the next job; `None` at the end.
     fn wait(&self) -> Option<DrawJob> {
         let mut slot = self.slot();
@@ -128,7 +144,7 @@ pub struct PictureThread {
     /// Simulated time of the next picture of each camera.
     due_s: Vec<f64>,
     shown_s: f64,
-    /// The name of the adapter that draws.
+    /// The name of the adapter that draws; empty where it is opened later.
     pub adapter: String,
     thread: Option<JoinHandle<()>>,
 }
@@ -160,21 +176,48 @@ impl PictureThread {
         wanted: Arc<[AtomicBool]>,
         take: impl FnMut(Vec<TakenPicture>) + Send + 'static,
     ) -> Result<Self, PictureError> {
-        let (cameras, shared) = (Arc::<[CarriedCamera]>::from(cameras), Arc::new(SharedSlot::default()));
         let (opened, opening) = channel();
+        let mut started = Self::spawn(open, (cameras, stamps), wanted, (take, Some(opened)))?;
+        started.adapter = opening.recv().map_err(|_| PictureError::Ended)??;
+        Ok(started)
+    }
+
+    /// Opens the renderer when the first picture is wanted, on the thread that draws; that no adapter can draw shows with
+    /// [`End::health`] then.
+    ///
+    /// # Errors
+    /// Where the operating system refuses a thread.
+    pub fn start_when_wanted(
+        open: OpenRenderer,
+        cameras: (Vec<CarriedCamera>, PictureStamps),
+        wanted: Arc<[AtomicBool]>,
+        take: impl FnMut(Vec<TakenPicture>) + Send + 'static,
+    ) -> Result<Self, PictureError> {
+        Self::spawn(open, cameras, wanted, (take, None))
+    }
+
+    fn spawn(
+        open: OpenRenderer,
+        (cameras, stamps): (Vec<CarriedCamera>, PictureStamps),
+        wanted: Arc<[AtomicBool]>,
+        (take, opened): (impl FnMut(Vec<TakenPicture>) + Send + 'static, Option<Opened>),
+    ) -> Result<Self, PictureError> {
+        let (cameras, shared) = (Arc::<[CarriedCamera]>::from(cameras), Arc::new(SharedSlot::default()));
         let (inner, carried) = (Arc::clone(&shared), Arc::clone(&cameras));
         let work = move || {
             lower_priority();
             // Threads inherit the priority of their creator: the global pool must keep its own.
-            match rayon::ThreadPoolBuilder::new().thread_name(|_| "pictures".to_owned()).build() {
-                Ok(pool) => pool.install(|| draw(open, &carried, &inner, take, &opened)),
-                Err(error) => drop(opened.send(Err(no_thread(error)))),
+            let pool = rayon::ThreadPoolBuilder::new().thread_name(|_| "pictures".to_owned()).build();
+            match (pool, opened) {
+                (Ok(pool), opened) => pool.install(|| draw(open, &carried, &inner, take, opened.as_ref())),
+                (Err(error), Some(opened)) => drop(opened.send(Err(no_thread(error)))),
+                (Err(error), None) => inner.fail(no_thread(error)),
             }
         };
         let thread = std::thread::Builder::new().name("pictures".to_owned()).spawn(work);
         let thread = Some(thread.map_err(no_thread)?);
-        let adapter = opening.recv().map_err(|_| PictureError::Ended)??;
         let due_s = vec![0.0; cameras.len()];
+        let adapter = String::new();
         Ok(Self { shared, cameras, wanted, stamps, due_s, shown_s: 0.0, adapter, thread })
     }
 
@@ -233,10 +276,8 @@ impl End for PictureThread {
     fn health(&self) -> EndHealth {
         let counter = self.counter();
         let has_ended = self.thread.as_ref().is_some_and(JoinHandle::is_finished);
-        let failure = match has_ended {
-            true => Some(EndFailure::new(PictureError::Ended)),
-            false => self.shared.slot().failure.clone(),
-        };
+        let failure = self.shared.slot().failure.clone();
+        let failure = failure.or_else(|| has_ended.then(|| EndFailure::new(PictureError::Ended)));
         EndHealth { delivered: counter.taken(), dropped: counter.dropped(), failure }
     }
 }
@@ -269,14 +310,20 @@ fn draw(
     cameras: &[CarriedCamera],
     shared: &SharedSlot,
     mut take: impl FnMut(Vec<TakenPicture>),
-    opened: &Sender<Result<String, PictureError>>,
+    opened: Option<&Opened>,
 ) {
-    let mut renderer = match open(cameras.len()) {
-        Ok(renderer) => renderer,
+    if opened.is_none() && !shared.is_wanted() {
+        return;
+    }
+    let mut renderer = match (open(cameras.len()), opened) {
+        (Ok(renderer), _) => renderer,
         // The waiting caller reports it.
-        Err(error) => return drop(opened.send(Err(PictureError::Renderer(error)))),
+        (Err(error), Some(opened)) => return drop(opened.send(Err(PictureError::Renderer(error)))),
+        (Err(error), None) => return shared.fail(PictureError::Renderer(error)),
     };
-    drop(opened.send(Ok(renderer.context().adapter_name.clone())));
+    if let Some(opened) = opened {
+        drop(opened.send(Ok(renderer.context().adapter_name.clone())));
+    }
     while let Some(job) = shared.wait() {
         match draw_job(&mut renderer, cameras, &job) {
             Ok(pictures) => {

@@ -16,10 +16,8 @@ mod pictures;
 #[path = "no_pictures.rs"]
 mod pictures;
 mod server;
-mod token;
 
 pub use counters::WebCounts;
 #[cfg(feature = "render")]
 pub use pictures::PictureDrawer;
 pub use server::{WebEnd, WebError, WebOptions, WebServer};
-pub use token::Token;

@@ -3,9 +3,9 @@
 #![allow(clippy::unwrap_used, reason = "a test may end where it finds something wrong")]
 #![allow(clippy::disallowed_types, reason = "connects to a server on this machine")]
 
-use city3d_session::{Host, LocalCity, Session, SessionHandle};
+use city3d_session::{Host, LocalCity, Session, SessionHandle, Token};
 use city3d_simulation::scenario::ScenarioRequest;
-use city3d_web::{Token, WebOptions, WebServer};
+use city3d_web::{WebOptions, WebServer};
 use futures_util::{SinkExt, StreamExt};
 use serde_json::{Value, json};
 use std::net::SocketAddr;

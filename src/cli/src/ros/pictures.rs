@@ -1,9 +1,9 @@
 //! Onboard pictures over ROS.
 
 use crate::Failure;
+use crate::cameras::{ScenarioCamera, scenario_cameras};
 use crate::look::{self, LookArgs};
 use city3d_network::link::onboard::OnboardCamera;
-use city3d_sensors::{CameraSensor, Lens, Mount, SensorKind};
 use city3d_session::End;
 use city3d_session::pictures::CarriedCamera;
 use city3d_session::ros::RosNode;
@@ -11,10 +11,6 @@ use city3d_session::ros_pictures::RosPictures;
 use city3d_simulation::scenario::Experiment;
 use clap::Args;
 use std::sync::Arc;
-
-/// Default camera where the scenario has none: pictures per second behind each windscreen.
-const USUAL_HZ: f64 = 10.0;
-const USUAL_NAME: &str = "windscreen";
 
 /// Options of onboard pictures.
 #[derive(Clone, Debug, Args)]
@@ -30,7 +26,7 @@ pub struct PictureArgs {
 }
 
 impl PictureArgs {
-    #[cfg(any(feature = "window", feature = "web"))]
+    #[cfg(any(feature = "window", feature = "web", feature = "foxglove"))]
     pub fn look(&self) -> LookArgs {
         self.look.clone()
     }
@@ -71,24 +67,8 @@ impl PublishedCameras<'_> {
     }
 }
 
-/// The cameras that a scenario gives its vehicles, or one behind each windscreen where it gives none.
+/// The cameras of a scenario with their names in topics.
 fn carried_cameras(experiment: &Experiment, extent: Option<[u32; 2]>) -> Vec<(OnboardCamera, CarriedCamera)> {
-    let sized = |lens: Lens| Lens { extent: extent.unwrap_or(lens.extent), ..lens };
-    let mut cameras = Vec::new();
-    for planned in &experiment.vehicles {
-        cameras.extend(planned.sensors.iter().map(|sensor| {
-            let SensorKind::Camera(CameraSensor { mount, lens, .. }) = sensor.kind;
-            let name = OnboardCamera { vehicle: planned.name.clone(), camera: sensor.name.clone() };
-            let every_s = 1.0 / sensor.rate_hz;
-            (name, CarriedCamera { vehicle: planned.id, mount, lens: sized(lens), every_s })
-        }));
-    }
-    if cameras.is_empty() {
-        cameras.extend(experiment.vehicles.iter().map(|planned| {
-            let name = OnboardCamera { vehicle: planned.name.clone(), camera: USUAL_NAME.to_owned() };
-            let (mount, lens, every_s) = (Mount::Windscreen, sized(Lens::default()), 1.0 / USUAL_HZ);
-            (name, CarriedCamera { vehicle: planned.id, mount, lens, every_s })
-        }));
-    }
-    cameras
+    let named = |ScenarioCamera { vehicle, name, camera }| (OnboardCamera { vehicle, camera: name }, camera);
+    scenario_cameras(experiment, extent).into_iter().map(named).collect()
 }

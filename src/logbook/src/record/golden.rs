@@ -3,8 +3,10 @@
 #[path = "../../../../tests/support/golden.rs"]
 mod shared;
 
-use super::log::CommandKind;
+use super::decisions::encode_decisions;
+use super::plans::encode_plans;
 use super::schema::{NetworkCommand, encode_event, encode_network, encode_snapshot, encode_tick};
+use super::topic::LogTopic;
 use super::transforms::encode_transform;
 use city3d_geometry::Pose2;
 use city3d_protocol::snapshot::{
@@ -152,7 +154,7 @@ fn messages_of_each_kind() {
     messages.push(("snapshot with signals".to_owned(), encode_snapshot(&signals, true, Vec::new())));
     for (name, command) in commands() {
         let mut bytes = Vec::new();
-        assert!(CommandKind::encode(250, &command, &mut bytes).is_some(), "{name}");
+        assert!(LogTopic::encode(250, &command, &mut bytes).is_some(), "{name}");
         messages.push((name.to_owned(), bytes));
     }
     for kind in events() {
@@ -166,12 +168,8 @@ fn messages_of_each_kind() {
         body: vec![0, 0, 0, 0, 7, 0, 0, 0],
     };
     messages.push(("network".to_owned(), encode_network(&network, Vec::new())));
-    let mut bytes = Vec::new();
-    CommandKind::encode_decisions((250, 2.5), &decisions(), &mut bytes);
-    messages.push(("decisions".to_owned(), bytes));
-    let mut bytes = Vec::new();
-    CommandKind::encode_plans((250, 2.5), &plans(), &mut bytes);
-    messages.push(("plans".to_owned(), bytes));
+    messages.push(("decisions".to_owned(), encode_decisions(250, 2.5, &decisions(), Vec::new())));
+    messages.push(("plans".to_owned(), encode_plans(250, 2.5, &plans(), Vec::new())));
     let pose = Measurement {
         vehicle: VEHICLE,
         stamp_s: 2.5,

@@ -1,22 +1,14 @@
 //! Writer of the run log: one MCAP file (profile `ros2`, CDR messages with ros2msg schemas) that Foxglove, the `mcap`
 //! tools and ROS readers open.
 
-use super::decisions::{DECISIONS_SCHEMA, DECISIONS_TOPIC, DECISIONS_TYPE, encode_decisions};
 use super::mcap_writer::McapWriter;
-use super::plans::{PLANS_SCHEMA, PLANS_TOPIC, PLANS_TYPE, encode_plans};
-use super::schema::{
-    ARRIVAL_SCHEMA, ARRIVAL_TYPE, COMMAND_SCHEMA, COMMAND_TYPE, EVENT_SCHEMA, EVENT_TYPE, MEASURED_SCHEMA,
-    MEASURED_TYPE, NETWORK_SCHEMA, NETWORK_TYPE, NetworkCommand, PersonCommand, SIGNALS_SCHEMA, SIGNALS_TYPE,
-    SNAPSHOT_SCHEMA, SNAPSHOT_TYPE, TICK_SCHEMA, TICK_TYPE, TRAJECTORY_SCHEMA, TRAJECTORY_TYPE,
-    encode_arrival, encode_command, encode_event, encode_measured, encode_network, encode_signals,
-    encode_snapshot, encode_tick, encode_trajectory, snapshot_schema_with_signals,
-};
+use super::plans::encode_plans;
+use super::schema::{NetworkCommand, encode_event, encode_network, encode_snapshot, encode_tick};
+use super::topic::LogTopic;
 use super::transforms::{TRANSFORM_SCHEMA, TRANSFORM_TYPE, encode_transform};
 use city3d_geometry::LengthScale;
 use city3d_geometry::digest;
-use city3d_protocol::snapshot::{
-    ControlDecision, CoordinationUpdate, Event, FrameSnapshot, ModelKind, SimCommand, Status,
-};
+use city3d_protocol::snapshot::{CoordinationUpdate, Event, FrameSnapshot, ModelKind, SimCommand, Status};
 use city3d_protocol::wire::{Measurement, vicon_frame};
 use city3d_simulation::environment::EnvironmentProfile;
 use city3d_simulation::scenario::Experiment;
@@ -28,21 +20,9 @@ use std::path::Path;
 /// Writes a log. The experiment is embedded: scenario and map as attachments, the rest as metadata.
 pub struct LogWriter<W> {
     writer: McapWriter<W>,
-    snapshots: u16,
-    events: u16,
-    commands: u16,
-    network: u16,
-    trajectories: u16,
-    measured: u16,
-    /// In a city with traffic signals.
-    signals: Option<u16>,
-    ticks: u16,
-    /// Of a scenario with inflows.
-    arrivals: Option<u16>,
-    /// Where a control framework may tell its decisions.
-    decisions: Option<u16>,
-    /// Where one may tell plans through control zones.
-    plans: Option<u16>,
+    /// By topic; `None` where this log has none of its messages.
+    channels: [Option<u16>; LogTopic::ALL.len()],
+    has_signals: bool,
     transform_schema: u16,
     /// Channels of the vehicles' transforms, by the vehicles' names.
     transforms: BTreeMap<String, u16>,
@@ -140,53 +120,16 @@ impl<W: Write> LogWriter<W> {
             writer.attachment(&format!("{MODELS}{name}"), "model/gltf-binary", file)?;
         }
         let has_signals = !experiment.lab_map.signals.is_empty();
-        let snapshot_schema =
-            if has_signals { snapshot_schema_with_signals() } else { SNAPSHOT_SCHEMA.to_owned() };
-        let mut channel = |topic: &str, name: &str, schema: &str| {
-            let schema = writer.schema(name, "ros2msg", schema);
-            writer.channel(schema, topic)
-        };
-        let snapshots = channel(SNAPSHOT_TOPIC, SNAPSHOT_TYPE, &snapshot_schema)?;
-        let events = channel(EVENT_TOPIC, EVENT_TYPE, EVENT_SCHEMA)?;
-        let commands = channel(COMMAND_TOPIC, COMMAND_TYPE, COMMAND_SCHEMA)?;
-        let network = channel(NETWORK_TOPIC, NETWORK_TYPE, NETWORK_SCHEMA)?;
-        let trajectories = channel(TRAJECTORY_TOPIC, TRAJECTORY_TYPE, TRAJECTORY_SCHEMA)?;
-        let measured = channel(MEASURED_TOPIC, MEASURED_TYPE, MEASURED_SCHEMA)?;
-        let ticks = channel(TICK_TOPIC, TICK_TYPE, TICK_SCHEMA)?;
-        let signals =
-            has_signals.then(|| channel(SIGNALS_TOPIC, SIGNALS_TYPE, SIGNALS_SCHEMA)).transpose()?;
-        // Logs of scenarios without inflows stay as they are.
-        let arrivals = if experiment.inflows.is_empty() {
-            None
-        } else {
-            Some(channel(ARRIVAL_TOPIC, ARRIVAL_TYPE, ARRIVAL_SCHEMA)?)
-        };
-        // A log that was torn has no index, so that its channels have to be known before its first message.
-        let decisions = match origin {
-            LogOrigin::Recorded => None,
-            _ => Some(channel(DECISIONS_TOPIC, DECISIONS_TYPE, DECISIONS_SCHEMA)?),
-        };
-        let may_coordinate = match origin {
-            LogOrigin::Run => experiment.coordination.is_some(),
-            // The control framework may have another scenario.
-            LogOrigin::Served | LogOrigin::Mainframe => true,
-            LogOrigin::Recorded => false,
-        };
-        let plans = may_coordinate.then(|| channel(PLANS_TOPIC, PLANS_TYPE, PLANS_SCHEMA)).transpose()?;
+        let mut channels = [None; LogTopic::ALL.len()];
+        for topic in LogTopic::of_log(experiment, origin) {
+            let schema = writer.schema(topic.message_type(), "ros2msg", &topic.schema(has_signals));
+            channels[topic as usize] = Some(writer.channel(schema, topic.name())?);
+        }
         let transform_schema = writer.schema(TRANSFORM_TYPE, "ros2msg", TRANSFORM_SCHEMA);
         Ok(Self {
             writer,
-            snapshots,
-            events,
-            commands,
-            network,
-            trajectories,
-            measured,
-            signals,
-            ticks,
-            arrivals,
-            decisions,
-            plans,
+            channels,
+            has_signals,
             transform_schema,
             transforms: BTreeMap::new(),
             scale: experiment.scale,
@@ -200,14 +143,15 @@ impl<W: Write> LogWriter<W> {
     /// # Errors
     /// When it cannot be written; what was written before stays readable.
     pub fn snapshot(&mut self, snapshot: &FrameSnapshot) -> io::Result<()> {
-        self.buffer = encode_snapshot(snapshot, self.signals.is_some(), std::mem::take(&mut self.buffer));
-        self.message(self.snapshots, snapshot.time_s)?;
+        self.buffer = encode_snapshot(snapshot, self.has_signals, std::mem::take(&mut self.buffer));
+        self.message(LogTopic::Snapshot, snapshot.time_s)?;
         for (state, info) in snapshot.iter().filter(|(state, _)| state.status != Status::Unseen) {
             let channel = self.transforms_of(&info.name)?;
             let pose = Measurement::of(state, snapshot.time_s, self.scale);
             let stamp = nanoseconds(snapshot.time_s);
             self.buffer = encode_transform(&info.name, &pose, stamp, std::mem::take(&mut self.buffer));
-            self.message(channel, snapshot.time_s)?;
+            let header = self.header(channel, snapshot.time_s);
+            self.writer.message(&header, &self.buffer)?;
         }
         Ok(())
     }
@@ -229,7 +173,7 @@ impl<W: Write> LogWriter<W> {
     /// When it cannot be written; what was written before stays readable.
     pub fn event(&mut self, event: &Event) -> io::Result<()> {
         self.buffer = encode_event(event, std::mem::take(&mut self.buffer));
-        self.message(self.events, event.time_s)
+        self.message(LogTopic::Event, event.time_s)
     }
 
     /// Adds the digest of a tick.
@@ -238,7 +182,7 @@ impl<W: Write> LogWriter<W> {
     /// When it cannot be written; what was written before stays readable.
     pub fn tick(&mut self, tick: u64, time_s: f64, state_hash: u64) -> io::Result<()> {
         self.buffer = encode_tick(tick, state_hash, std::mem::take(&mut self.buffer));
-        self.message(self.ticks, time_s)
+        self.message(LogTopic::Tick, time_s)
     }
 
     /// Adds a command that is applied in the step after a tick: a trajectory, a measured pose, aspects of signals, or a
@@ -249,8 +193,8 @@ impl<W: Write> LogWriter<W> {
     pub fn command(&mut self, tick: u64, time_s: f64, command: &SimCommand) -> io::Result<()> {
         let mut buffer = std::mem::take(&mut self.buffer);
         buffer.clear();
-        let kind = CommandKind::encode(tick, command, &mut buffer);
-        let written = kind.map_or(Ok(()), |kind| self.encoded(kind, time_s, &buffer));
+        let topic = LogTopic::encode(tick, command, &mut buffer);
+        let written = topic.map_or(Ok(()), |topic| self.encoded(topic, time_s, &buffer));
         self.buffer = buffer;
         written
     }
@@ -262,8 +206,8 @@ impl<W: Write> LogWriter<W> {
     pub fn plans(&mut self, tick: u64, time_s: f64, update: &CoordinationUpdate) -> io::Result<()> {
         let mut buffer = std::mem::take(&mut self.buffer);
         buffer.clear();
-        let kind = CommandKind::encode_plans((tick, time_s), update, &mut buffer);
-        let written = self.encoded(kind, time_s, &buffer);
+        let buffer = encode_plans(tick, time_s, update, buffer);
+        let written = self.encoded(LogTopic::Plans, time_s, &buffer);
         self.buffer = buffer;
         written
     }
@@ -272,29 +216,9 @@ impl<W: Write> LogWriter<W> {
     ///
     /// # Errors
     /// When it cannot be written; what was written before stays readable.
-    pub(super) fn encoded(&mut self, kind: CommandKind, time_s: f64, message: &[u8]) -> io::Result<()> {
-        let channel = match kind {
-            CommandKind::Person => self.commands,
-            CommandKind::Trajectory => self.trajectories,
-            CommandKind::Measured => self.measured,
-            CommandKind::Signals => match self.signals {
-                Some(channel) => channel,
-                // Nobody has these heads.
-                None => return Ok(()),
-            },
-            CommandKind::Arrival => match self.arrivals {
-                Some(channel) => channel,
-                None => return Ok(()),
-            },
-            CommandKind::Decisions => match self.decisions {
-                Some(channel) => channel,
-                None => return Ok(()),
-            },
-            CommandKind::Plans => match self.plans {
-                Some(channel) => channel,
-                None => return Ok(()),
-            },
-        };
+    pub(super) fn encoded(&mut self, topic: LogTopic, time_s: f64, message: &[u8]) -> io::Result<()> {
+        // Nobody has these signal heads, or may tell plans.
+        let Some(channel) = self.channels[topic as usize] else { return Ok(()) };
         let header = self.header(channel, time_s);
         self.writer.message(&header, message)
     }
@@ -305,12 +229,15 @@ impl<W: Write> LogWriter<W> {
     /// When it cannot be written; what was written before stays readable.
     pub fn network(&mut self, time_s: f64, command: &NetworkCommand) -> io::Result<()> {
         self.buffer = encode_network(command, std::mem::take(&mut self.buffer));
-        self.message(self.network, time_s)
+        self.message(LogTopic::Network, time_s)
     }
 
-    fn message(&mut self, channel_id: u16, time_s: f64) -> io::Result<()> {
-        let header = self.header(channel_id, time_s);
-        self.writer.message(&header, &self.buffer)
+    /// Adds the message in the buffer.
+    fn message(&mut self, topic: LogTopic, time_s: f64) -> io::Result<()> {
+        let buffer = std::mem::take(&mut self.buffer);
+        let written = self.encoded(topic, time_s, &buffer);
+        self.buffer = buffer;
+        written
     }
 
     fn header(&mut self, channel_id: u16, time_s: f64) -> MessageHeader {
@@ -336,64 +263,8 @@ impl<W: Write> LogWriter<W> {
     }
 }
 
-/// The message type of a logged command, or of what is logged beside them.
-#[derive(Clone, Copy, Debug)]
-pub(super) enum CommandKind {
-    /// Command of a person.
-    Person,
-    Trajectory,
-    Measured,
-    Signals,
-    /// A vehicle of an inflow enters.
-    Arrival,
-    /// Why vehicles do what they do; no command.
-    Decisions,
-    /// Plans through control zones; no command.
-    Plans,
-}
-
-impl CommandKind {
-    /// Appends decisions that hold in the snapshot of a tick to a buffer.
-    pub fn encode_decisions(
-        (tick, time_s): (u64, f64),
-        decisions: &[ControlDecision],
-        buffer: &mut Vec<u8>,
-    ) -> Self {
-        *buffer = encode_decisions(tick, time_s, decisions, std::mem::take(buffer));
-        Self::Decisions
-    }
-
-    /// Appends plans that hold in the snapshot of a tick to a buffer.
-    pub fn encode_plans(
-        (tick, time_s): (u64, f64),
-        update: &CoordinationUpdate,
-        buffer: &mut Vec<u8>,
-    ) -> Self {
-        *buffer = encode_plans(tick, time_s, update, std::mem::take(buffer));
-        Self::Plans
-    }
-
-    /// Appends a command, applied in the step after a tick, to a buffer; `None` for commands that are not logged.
-    pub fn encode(tick: u64, command: &SimCommand, buffer: &mut Vec<u8>) -> Option<Self> {
-        let mut memory = || std::mem::take(buffer);
-        let (kind, message) = match command {
-            SimCommand::Follow(trajectory) => {
-                (Self::Trajectory, encode_trajectory(tick, trajectory, memory()))
-            }
-            SimCommand::Measure(vehicle, pose) => {
-                (Self::Measured, encode_measured(tick, *vehicle, pose, memory()))
-            }
-            SimCommand::Signals(aspects) => (Self::Signals, encode_signals(tick, aspects, memory())),
-            SimCommand::Spawn(setup) => (Self::Arrival, encode_arrival(tick, setup, memory())),
-            other => (Self::Person, encode_command(tick, PersonCommand::of(other)?, memory())),
-        };
-        *buffer = message;
-        Some(kind)
-    }
-}
-
 /// Simulated seconds as log nanoseconds.
-fn nanoseconds(time_s: f64) -> u64 {
+pub fn nanoseconds(time_s: f64) -> u64 {
     (time_s * 1e9).round() as u64
 }
 

@@ -18,7 +18,17 @@ mod recorder;
 mod records;
 mod schema;
 mod table;
+mod topic;
 mod transforms;
+
+/// Messages of logs, for those who pass them on as they are.
+pub mod message {
+    pub use super::decisions::encode_decisions;
+    pub use super::log::nanoseconds;
+    pub use super::plans::encode_plans;
+    pub use super::schema::{encode_event, encode_network, encode_snapshot, encode_tick};
+    pub use super::transforms::{TRANSFORM_SCHEMA, TRANSFORM_TYPE, encode_transform};
+}
 
 pub use bag::read_bag;
 pub use chunks::{ChunkInfo, ChunkedLog, EntryFilter};
@@ -34,3 +44,4 @@ pub use recorder::{
 pub use records::Truncation;
 pub use schema::{LoggedSnapshot, LoggedVehicle, NetworkCommand};
 pub use table::{COLUMNS, VehicleTable};
+pub use topic::LogTopic;

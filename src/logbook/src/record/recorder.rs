@@ -1,8 +1,9 @@
 //! Writes the files of a run on a writer thread, behind a bounded channel. What a full channel does is the caller's
 //! choice: a run without a clock waits for the disk (back-pressure), a city that keeps real time goes on without files.
 
-use super::log::CommandKind;
-use super::{LogOrigin, LogWriter, NetworkCommand, VehicleTable};
+use super::decisions::encode_decisions;
+use super::plans::encode_plans;
+use super::{LogOrigin, LogTopic, LogWriter, NetworkCommand, VehicleTable};
 use city3d_outputs::OutputFolder;
 use city3d_protocol::snapshot::{
     ControlDecision, CoordinationUpdate, Event, FrameSnapshot, SimCommand, VehicleState,
@@ -89,7 +90,7 @@ enum Item {
     Event(Event),
     /// The message is the next `length` bytes of the batch.
     Command {
-        kind: CommandKind,
+        topic: LogTopic,
         time_s: f64,
         length: usize,
     },
@@ -306,9 +307,9 @@ impl Recorder {
         for command in commands {
             let bytes = &mut self.batch.bytes;
             let start = bytes.len();
-            if let Some(kind) = CommandKind::encode(tick, command, bytes) {
+            if let Some(topic) = LogTopic::encode(tick, command, bytes) {
                 let length = bytes.len() - start;
-                self.batch.items.push(Item::Command { kind, time_s, length });
+                self.batch.items.push(Item::Command { topic, time_s, length });
             }
         }
     }
@@ -317,7 +318,7 @@ impl Recorder {
     /// there are none.
     pub fn decisions(&mut self, (tick, time_s): (u64, f64), decisions: &[ControlDecision]) {
         if !decisions.is_empty() {
-            self.note(time_s, |bytes| CommandKind::encode_decisions((tick, time_s), decisions, bytes));
+            self.note(LogTopic::Decisions, time_s, |bytes| encode_decisions(tick, time_s, decisions, bytes));
         }
     }
 
@@ -325,16 +326,16 @@ impl Recorder {
     /// are none.
     pub fn plans(&mut self, (tick, time_s): (u64, f64), update: &CoordinationUpdate) {
         if !update.is_empty() {
-            self.note(time_s, |bytes| CommandKind::encode_plans((tick, time_s), update, bytes));
+            self.note(LogTopic::Plans, time_s, |bytes| encode_plans(tick, time_s, update, bytes));
         }
     }
 
-    fn note(&mut self, time_s: f64, encode: impl FnOnce(&mut Vec<u8>) -> CommandKind) {
+    fn note(&mut self, topic: LogTopic, time_s: f64, encode: impl FnOnce(Vec<u8>) -> Vec<u8>) {
         let bytes = &mut self.batch.bytes;
         let start = bytes.len();
-        let kind = encode(bytes);
+        *bytes = encode(std::mem::take(bytes));
         let length = bytes.len() - start;
-        self.batch.items.push(Item::Command { kind, time_s, length });
+        self.batch.items.push(Item::Command { topic, time_s, length });
     }
 
     /// Records a datagram that was carried out.
@@ -469,10 +470,10 @@ impl RunFileWriter {
         for item in batch.items.drain(..) {
             match item {
                 Item::Event(event) => self.log.event(&event).map_err(log_failed)?,
-                Item::Command { kind, time_s, length } => {
+                Item::Command { topic, time_s, length } => {
                     let (message, rest) = messages.split_at(length);
                     messages = rest;
-                    self.log.encoded(kind, time_s, message).map_err(log_failed)?;
+                    self.log.encoded(topic, time_s, message).map_err(log_failed)?;
                 }
                 Item::Tick { tick, time_s, state_hash } => {
                     self.log.tick(tick, time_s, state_hash).map_err(log_failed)?;

@@ -75,8 +75,8 @@ string kind
 string json
 ";
 
-/// The message of a snapshot, in a buffer whose old content is dropped. With signals its schema is that of
-/// [`snapshot_schema_with_signals`].
+/// The message of a snapshot, in a buffer whose old content is dropped. With signals it has one field more,
+/// see [`LogTopic::schema`](super::LogTopic::schema).
 pub fn encode_snapshot(snapshot: &FrameSnapshot, has_signals: bool, buffer: Vec<u8>) -> Vec<u8> {
     let mut cdr = CdrWriter::reusing(buffer);
     cdr.u64(snapshot.tick);

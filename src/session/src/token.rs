@@ -24,7 +24,7 @@ impl Token {
         })))
     }
 
-    /// Whether a page knows it.
+    /// Whether it is the word that somebody offers.
     pub fn is(&self, offered: &str) -> bool {
         let (own, offered) = (self.0.as_bytes(), offered.as_bytes());
         let differing = own.iter().zip(offered).fold(0, |differing, (a, b)| differing | (a ^ b));

@@ -1,0 +1,111 @@
+//! Foxglove and Lichtblick on a city that runs: options, and the server that they ask for.
+
+use crate::Failure;
+use crate::say::say;
+use city3d_foxglove::{FoxgloveEnd, FoxgloveOptions, FoxgloveServer};
+use city3d_logbook::record::LogOrigin;
+use city3d_session::{Session, SessionHandle, Source, Token};
+use city3d_simulation::scenario::Experiment;
+use clap::Args;
+use std::sync::Arc;
+
+/// Where it is served without another address: where the applications look first.
+const USUAL_ADDRESS: &str = "127.0.0.1:8765";
+
+/// Options of Foxglove.
+#[derive(Clone, Debug, Args)]
+pub struct FoxgloveArgs {
+    /// Offer the city to Foxglove and Lichtblick; the address that is printed gives orders, without its token one watches
+    /// [default: 127.0.0.1:8765, for this machine only]
+    #[arg(long, value_name = "ADDR", num_args = 0..=1, require_equals = true)]
+    foxglove: Option<Option<String>>,
+    /// Page that may connect besides those of this machine and app.foxglove.dev, such as https://lab.example; repeat for
+    /// several
+    #[arg(long, value_name = "ORIGIN", requires = "foxglove")]
+    foxglove_origin: Vec<String>,
+}
+
+/// What the server is told of a city.
+pub struct OfferedCity<'a> {
+    pub experiment: &'a Arc<Experiment>,
+    pub origin: LogOrigin,
+    /// Snapshots per simulated second, as in the log.
+    pub snapshot_hz: u32,
+    /// How pictures of cameras look; `None` where there are none.
+    #[cfg(feature = "render")]
+    pub look: Option<crate::look::LookArgs>,
+}
+
+/// The server, where one is asked for. It ends when this is dropped.
+pub struct ServedFoxglove(Option<FoxgloveServer>);
+
+impl FoxgloveArgs {
+    /// Starts the server and attaches it to a session, where it is asked for.
+    pub fn attach<S: Source>(
+        &self,
+        session: Session<S>,
+        city: OfferedCity<'_>,
+    ) -> Result<(Session<S>, ServedFoxglove), Failure> {
+        let (Some(address), Some(orders)) = (&self.foxglove, session.orders()) else {
+            return Ok((session, ServedFoxglove(None)));
+        };
+        let options = FoxgloveOptions {
+            address: address.clone().unwrap_or_else(|| USUAL_ADDRESS.to_owned()),
+            token: Token::draw().map_err(Failure::failed)?,
+            origins: self.foxglove_origin.clone(),
+            experiment: Arc::clone(city.experiment),
+            origin: city.origin,
+            snapshot_hz: city.snapshot_hz,
+            orders,
+        };
+        let (server, end) = FoxgloveServer::start(options).map_err(Failure::bad_input)?;
+        if !server.address().ip().is_loopback() {
+            tracing::warn!(
+                "Foxglove at {} can be reached from other machines, and is not encrypted: whoever can read the network \
+                 can read its token",
+                server.address()
+            );
+        }
+        let end = with_cameras(end, &city)?;
+        Ok((session.with_end(Box::new(end)), ServedFoxglove(Some(server))))
+    }
+}
+
+#[cfg(feature = "render")]
+fn with_cameras(end: FoxgloveEnd, city: &OfferedCity<'_>) -> Result<FoxgloveEnd, Failure> {
+    use city3d_foxglove::NamedCamera;
+    let Some(look) = &city.look else { return Ok(end) };
+    let cameras = crate::cameras::scenario_cameras(city.experiment, None).into_iter();
+    let named =
+        cameras.map(|of| NamedCamera { name: format!("{}/{}", of.vehicle, of.name), camera: of.camera });
+    let open = crate::look::opener(look, city.experiment);
+    Ok(end.with_cameras(named.collect(), open)?)
+}
+
+#[cfg(not(feature = "render"))]
+#[allow(clippy::unnecessary_wraps, reason = "the same call with and without pictures")]
+fn with_cameras(end: FoxgloveEnd, _: &OfferedCity<'_>) -> Result<FoxgloveEnd, Failure> {
+    Ok(end)
+}
+
+impl ServedFoxglove {
+    /// Shows the server what a session on a thread of its own publishes, and tells where it is.
+    pub fn open(&self, session: &SessionHandle) -> Result<(), Failure> {
+        let Some(server) = &self.0 else { return Ok(()) };
+        server.watch(session.published());
+        tell(server)
+    }
+
+    /// Shows the server what a session publishes that its caller runs, and tells where it is.
+    pub fn publishing<S: Source>(&self, session: Session<S>) -> Result<Session<S>, Failure> {
+        let Some(server) = &self.0 else { return Ok(session) };
+        let (session, state) = session.publishing();
+        server.watch(state);
+        tell(server)?;
+        Ok(session)
+    }
+}
+
+fn tell(server: &FoxgloveServer) -> Result<(), Failure> {
+    say(format_args!("Foxglove connects to {}", server.url()))
+}
