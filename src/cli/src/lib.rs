@@ -17,6 +17,8 @@ mod load;
 #[cfg(feature = "render")]
 mod look;
 mod mainframe;
+#[cfg(all(feature = "render", any(feature = "ros", feature = "ros2")))]
+mod onboard;
 mod overwrite;
 mod plot;
 mod progress;
@@ -25,6 +27,8 @@ mod repair;
 mod replay;
 #[cfg_attr(not(feature = "ros"), path = "no_ros.rs")]
 mod ros;
+#[cfg_attr(not(feature = "ros2"), path = "no_ros2.rs")]
+mod ros2;
 mod run;
 #[cfg(feature = "render")]
 mod runtime_folder;

@@ -1,0 +1,19 @@
+"""What Cyclone DDS lists of a domain: arguments are the domain and names of DDS topics that have to be there."""
+
+import sys
+import time
+
+from cyclonedds.builtin import BuiltinDataReader, BuiltinTopicDcpsPublication
+from cyclonedds.domain import DomainParticipant
+
+participant = DomainParticipant(int(sys.argv[1]))
+reader = BuiltinDataReader(participant, BuiltinTopicDcpsPublication)
+wanted, seen, until = set(sys.argv[2:]), {}, time.monotonic() + 20
+while wanted - set(seen) and time.monotonic() < until:
+    for sample in reader.take_iter(timeout=0):
+        if hasattr(sample, "topic_name"):
+            seen[sample.topic_name] = sample.type_name
+    time.sleep(0.1)
+for name in sorted(seen):
+    print(name, seen[name])
+sys.exit(f"not listed: {sorted(wanted - set(seen))}" if wanted - set(seen) else 0)
