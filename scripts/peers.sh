@@ -18,10 +18,15 @@ source scripts/setup.sh
 folder=$(mktemp -d)
 processes=()
 
-end() {
+end_all() {
     # What has ended already needs no signal.
     for process in "${processes[@]}"; do kill -INT "$process" 2>/dev/null || true; done
     for process in "${processes[@]}"; do wait "$process" 2>/dev/null || true; done
+    processes=()
+}
+
+end() {
+    end_all
     rm -rf "$folder"
 }
 trap end EXIT
@@ -197,12 +202,19 @@ ros2() {
     serve_ros2 measured mixed "--ros2=$domain" --ros2-control --duration 6
     "$python" tests/peers/ros2_measure.py path1_b -1.0 1.0 0.2 8 path1_a
     end_ros2 measured measure 2
+    say "compressed pictures are whole at default buffers"
+    serve_ros2 seen straight "--ros2=$domain" --ros2-cameras
+    "$city3d" mainframe straight --duration 60 --city "$address" >"$folder/mainframe.out" 2>&1 &
+    processes+=($!)
+    "$python" tests/peers/ros2_pictures.py leader windscreen 5 compressed
+    end_all
     say "Cyclone DDS lists what is published, and $seconds s of 60 vehicles are heard"
     sed 's/^vehicles = .*/vehicles = 60/' scenarios/city.toml >"$folder/crowd.toml"
     serve_ros2 many "$folder/crowd.toml" "--ros2=$domain" --ros2-tf
     "$city3d" mainframe "$folder/crowd.toml" --city "$address" >"$folder/mainframe.out" 2>&1 &
     processes+=($!)
-    "$python" tests/peers/ros2_topics.py "$domain" ros_discovery_info rt/tf rt/tf_static
+    CYCLONEDDS_URI='<CycloneDDS><Domain><General><Interfaces><NetworkInterface name="lo"/></Interfaces></General></Domain></CycloneDDS>' \
+        "$python" tests/peers/ros2_topics.py "$domain" ros_discovery_info rt/tf rt/tf_static
     local names
     mapfile -t names < <("$city3d" check "$folder/crowd.toml" --json --routes |
         python3 -c 'import json, sys; print(*(v["name"] for v in json.load(sys.stdin)["routes"]["vehicles"][:60]), sep="\n")')
@@ -210,9 +222,7 @@ ros2() {
     for depth in 1000 10; do
         "$python" tests/peers/ros2_listen.py $((seconds / 2)) "$depth" reliable "${names[@]}"
     done
-    for process in "${processes[@]}"; do kill -INT "$process" 2>/dev/null || true; done
-    for process in "${processes[@]}"; do wait "$process" || true; done
-    processes=()
+    end_all
     python3 tests/peers/ros2_report.py "$folder/many" nothing
     if [[ $(id -u) == 0 ]]; then across_namespaces; else echo "SKIPPED: another network namespace needs root"; fi
 }

@@ -10,7 +10,7 @@ participant = DomainParticipant(int(sys.argv[1]))
 reader = BuiltinDataReader(participant, BuiltinTopicDcpsPublication)
 wanted, seen, until = set(sys.argv[2:]), {}, time.monotonic() + 20
 while wanted - set(seen) and time.monotonic() < until:
-    for sample in reader.take_iter(timeout=0):
+    for sample in reader.take(N=100):
         if hasattr(sample, "topic_name"):
             seen[sample.topic_name] = sample.type_name
     time.sleep(0.1)

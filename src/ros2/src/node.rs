@@ -24,8 +24,8 @@ use std::task::{Wake, Waker};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
-/// Instants that wait for the thread; the oldest are dropped (load shedding).
-const FRAME_CAPACITY: usize = 64;
+/// Instants that wait for the thread, also while it advertises many vehicles at once; the oldest are dropped (load shedding).
+const FRAME_CAPACITY: usize = 256;
 /// Pictures that wait for the thread; the oldest are dropped (load shedding).
 const PICTURE_CAPACITY: usize = 32;
 /// Received messages of a topic that are taken before instants are published.
@@ -263,10 +263,11 @@ fn subscribe(
 /// Work of the thread that owns the topics.
 struct Worker {
     shared: Arc<Shared>,
-    middleware: Box<dyn Middleware>,
     topics: PublishedTopics,
     subscriptions: Subscriptions,
     driven: BTreeMap<String, VehicleId>,
+    /// Ends after its topics.
+    middleware: Box<dyn Middleware>,
 }
 
 impl Worker {

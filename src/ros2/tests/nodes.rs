@@ -55,8 +55,8 @@ fn transforms_go_from_node_to_node() {
 fn a_node_without_peers_drops_nothing_and_waits_for_nobody() {
     let mut node = Ros2Node::start(&options("alone", VehicleTopics::Poses)).unwrap();
     let (none, begun) = (Arc::default(), Instant::now());
-    (0..640).for_each(|_| node.publish(0.0, &none, Vec::new()));
-    while node.counters().published + node.counters().dropped < 640 {
+    (0..2560).for_each(|_| node.publish(0.0, &none, Vec::new()));
+    while node.counters().published + node.counters().dropped < 2560 {
         assert!(begun.elapsed() < Duration::from_secs(20), "{:?}", node.counters());
         std::thread::yield_now();
     }
