@@ -5,6 +5,7 @@ use city3d_network::link::exchange::{PoseExchange, Subject, TrajectoryExchange, 
 use city3d_protocol::snapshot::VehicleId;
 use city3d_ros2::{Ros2Node, Ros2Options, VehicleTopics};
 use glam::{DQuat, DVec3};
+use std::net::UdpSocket;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
@@ -67,4 +68,54 @@ fn a_node_without_peers_drops_nothing_and_waits_for_nobody() {
 fn there_are_no_domains_beyond_the_ports() {
     let error = Ros2Options::new("city", 233).unwrap_err().to_string();
     assert_eq!(error, "233 is no ROS 2 domain; choose one from 0 to 232");
+}
+
+/// What a stranger writes as it is.
+struct Bare;
+
+impl rustdds::no_key::SerializerAdapter<Vec<u8>> for Bare {
+    type Error = std::convert::Infallible;
+
+    fn output_encoding() -> rustdds::RepresentationIdentifier {
+        rustdds::RepresentationIdentifier::CDR_LE
+    }
+
+    fn to_bytes(message: &Vec<u8>) -> Result<rustdds::bytes::Bytes, Self::Error> {
+        Ok(message.clone().into())
+    }
+}
+
+#[test]
+fn what_strangers_send_is_dropped_and_counted() {
+    let subscribed = Ros2Options { subscribed: subjects(), ..options("city", VehicleTopics::Poses) };
+    let node = Ros2Node::start(&subscribed).unwrap();
+    // Datagrams that are no RTPS, and such that only begin so, on all ports of the domain.
+    let socket = UdpSocket::bind("127.0.0.1:0").unwrap();
+    for round in 0..200_u16 {
+        let mut datagram = b"RTPS\x02\x03\x01\x12".to_vec();
+        datagram.extend((0..round * 7).map(|k| (k.wrapping_mul(31) ^ round) as u8));
+        for port in 0..30 {
+            let _ = socket.send_to(
+                &datagram[usize::from(round % 2) * 4..],
+                ("127.0.0.1", 7400 + 250 * domain() + port),
+            );
+        }
+    }
+    // A participant that publishes what is no pose, and too long a message.
+    let participant = rustdds::DomainParticipant::new(domain()).unwrap();
+    let qos = rustdds::QosPolicyBuilder::new().reliable(rustdds::Duration::from_secs(1)).build();
+    let kind = "geometry_msgs::msg::dds_::PoseStamped_".to_owned();
+    let topic = participant
+        .create_topic("rt/vicon/car/car".to_owned(), kind, &qos, rustdds::TopicKind::NoKey)
+        .unwrap();
+    let publisher = participant.create_publisher(&qos).unwrap();
+    let writer = publisher.create_datawriter_no_key::<Vec<u8>, Bare>(&topic, Some(qos)).unwrap();
+    let begun = Instant::now();
+    while node.counters().invalid < 3 {
+        assert!(begun.elapsed() < Duration::from_secs(30), "{:?}", node.counters());
+        for length in [3, 80, 2 << 20] {
+            writer.write(vec![0xff; length], None).unwrap();
+        }
+        assert_eq!(node.receive(Duration::from_millis(200)), None);
+    }
 }
