@@ -220,7 +220,7 @@ ros2() {
         python3 -c 'import json, sys; print(*(v["name"] for v in json.load(sys.stdin)["routes"]["vehicles"][:60]), sep="\n")')
     local depth
     for depth in 1000 10; do
-        "$python" tests/peers/ros2_listen.py $((seconds / 2)) "$depth" reliable "${names[@]}"
+        "$python" tests/peers/ros2_listen.py "$seconds" "$depth" reliable "${names[@]}"
     done
     end_all
     python3 tests/peers/ros2_report.py "$folder/many" nothing

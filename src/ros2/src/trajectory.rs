@@ -109,11 +109,12 @@ fn points_of(message: &MultiDofTrajectory, joint: usize) -> Option<Vec<Trajector
             false => *point.velocities.get(joint)?,
         };
         let (sin, cos) = trig::sin_cos(pose.yaw_rad);
-        let speed_mps = velocity.truncate().dot(DVec2::new(cos, sin)).max(0.0);
+        let along_mps = velocity.truncate().dot(DVec2::new(cos, sin));
         // NaN is not in the range.
-        if !(0.0..=MAX_SPEED_MPS).contains(&speed_mps) {
+        if !(-MAX_SPEED_MPS..=MAX_SPEED_MPS).contains(&along_mps) {
             return None;
         }
+        let speed_mps = along_mps.max(0.0);
         points.push(TrajectoryPoint { time_s: point.time_s, pose, speed_mps });
     }
     (!points.is_empty()).then_some(points)
