@@ -172,7 +172,7 @@ impl PublishedTopics {
         if frame.is_later && !children.is_empty() {
             let children = children.iter().map(|(child, pose)| (child.as_str(), *pose));
             publish(tf.as_deref_mut(), published, |cdr| {
-                write_transforms(cdr, (frame.stamp, VICON), children)
+                write_transforms(cdr, (frame.stamp, VICON), children);
             });
         }
     }
@@ -190,10 +190,10 @@ impl PublishedTopics {
         let header = (stamp, camera.frame.as_str());
         publish(Some(&mut *camera.image), published, |cdr| match picture.form {
             PictureForm::Png => {
-                write_compressed_image(cdr, header, "rgb8; png compressed bgr8", &picture.bytes)
+                write_compressed_image(cdr, header, "rgb8; png compressed bgr8", &picture.bytes);
             }
             PictureForm::Jpeg => {
-                write_compressed_image(cdr, header, "rgb8; jpeg compressed bgr8", &picture.bytes)
+                write_compressed_image(cdr, header, "rgb8; jpeg compressed bgr8", &picture.bytes);
             }
             PictureForm::Rgb8 => {
                 let (extent, bytes) = (picture.extent, &picture.bytes);

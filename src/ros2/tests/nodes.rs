@@ -1,5 +1,6 @@
 //! Two nodes of one process, in a domain of their own.
 #![allow(clippy::unwrap_used, reason = "a test may end where it finds something wrong")]
+#![allow(clippy::disallowed_types, reason = "waits for nodes, and sends what no node would")]
 
 use city3d_network::link::exchange::{PoseExchange, Subject, TrajectoryExchange, measured};
 use city3d_protocol::snapshot::VehicleId;
