@@ -200,7 +200,7 @@ ros2() {
     end_ros2 block drive 1
     say "poses in the form of ros2-vicon-receiver move a physical vehicle"
     serve_ros2 measured mixed "--ros2=$domain" --ros2-control --duration 6
-    "$python" tests/peers/ros2_measure.py path1_b -1.0 1.0 0.2 8 path1_a
+    "$python" tests/peers/ros2_measure.py path1_b -0.9 1.793 0.2 8 path1_a
     end_ros2 measured measure 2
     say "compressed pictures are whole at default buffers"
     serve_ros2 seen straight "--ros2=$domain" --ros2-cameras

@@ -14,6 +14,7 @@ while wanted - set(seen) and time.monotonic() < until:
         if hasattr(sample, "topic_name"):
             seen[sample.topic_name] = sample.type_name
     time.sleep(0.1)
-for name in sorted(seen):
+for name in sorted(wanted & set(seen)):
     print(name, seen[name])
+print(len(seen), "topics")
 sys.exit(f"not listed: {sorted(wanted - set(seen))}" if wanted - set(seen) else 0)

@@ -12,22 +12,22 @@ use std::time::{Duration, Instant};
 
 const CAR: VehicleId = VehicleId(7);
 
-/// A domain that other tests hardly have: they run beside this one.
-fn domain() -> u16 {
-    100 + (std::process::id() % 100) as u16
+/// A domain of its own for each test of a process, that other processes hardly have: they run beside this one.
+fn domain(test: u32) -> u16 {
+    100 + ((8 * std::process::id() + test) % 120) as u16
 }
 
-fn options(name: &str, vehicle_topics: VehicleTopics) -> Ros2Options {
-    Ros2Options { vehicle_topics, ..Ros2Options::new(name, domain()).unwrap() }
+fn options(test: u32, name: &str, vehicle_topics: VehicleTopics) -> Ros2Options {
+    Ros2Options { vehicle_topics, ..Ros2Options::new(name, domain(test)).unwrap() }
 }
 
 fn subjects() -> Vec<Subject> {
     vec![Subject { vehicle: CAR, name: "car".to_owned() }]
 }
 
-fn poses_arrive_by(vehicle_topics: VehicleTopics) {
-    let mut city = Ros2Node::start(&options("city", vehicle_topics)).unwrap();
-    let subscribed = Ros2Options { subscribed: subjects(), ..options("far", vehicle_topics) };
+fn poses_arrive_by(test: u32, vehicle_topics: VehicleTopics) {
+    let mut city = Ros2Node::start(&options(test, "city", vehicle_topics)).unwrap();
+    let subscribed = Ros2Options { subscribed: subjects(), ..options(test, "far", vehicle_topics) };
     let far = Ros2Node::start(&subscribed).unwrap();
     let pose = measured(CAR, 1.5, DVec3::new(1.0, -2.0, 0.0), DQuat::from_xyzw(0.0, 0.0, 0.6, 0.8)).unwrap();
     let (all, begun) = (Arc::new(subjects()), Instant::now());
@@ -45,17 +45,17 @@ fn poses_arrive_by(vehicle_topics: VehicleTopics) {
 
 #[test]
 fn poses_go_from_node_to_node() {
-    poses_arrive_by(VehicleTopics::Poses);
+    poses_arrive_by(0, VehicleTopics::Poses);
 }
 
 #[test]
 fn transforms_go_from_node_to_node() {
-    poses_arrive_by(VehicleTopics::Transforms);
+    poses_arrive_by(1, VehicleTopics::Transforms);
 }
 
 #[test]
 fn a_node_without_peers_drops_nothing_and_waits_for_nobody() {
-    let mut node = Ros2Node::start(&options("alone", VehicleTopics::Poses)).unwrap();
+    let mut node = Ros2Node::start(&options(2, "alone", VehicleTopics::Poses)).unwrap();
     let (none, begun) = (Arc::default(), Instant::now());
     (0..2560).for_each(|_| node.publish(0.0, &none, Vec::new()));
     while node.counters().published + node.counters().dropped < 2560 {
@@ -69,6 +69,37 @@ fn a_node_without_peers_drops_nothing_and_waits_for_nobody() {
 fn there_are_no_domains_beyond_the_ports() {
     let error = Ros2Options::new("city", 233).unwrap_err().to_string();
     assert_eq!(error, "233 is no ROS 2 domain; choose one from 0 to 232");
+}
+
+#[test]
+fn who_joins_late_takes_nothing_from_those_who_listen() {
+    let mut city = Ros2Node::start(&options(3, "city", VehicleTopics::Poses)).unwrap();
+    let far = |name| {
+        let subscribed = Ros2Options { subscribed: subjects(), ..options(3, name, VehicleTopics::Poses) };
+        Ros2Node::start(&subscribed).unwrap()
+    };
+    let (listener, all, begun) = (far("listener"), Arc::new(subjects()), Instant::now());
+    let (mut late, mut first, mut heard) = (None, None, 0_u64);
+    // More than the window of a topic.
+    for instant in 1_u64.. {
+        assert!(begun.elapsed() < Duration::from_secs(60), "{heard} of {instant}: {:?}", city.counters());
+        let stamp_s = instant as f64;
+        city.publish(stamp_s, &all, vec![measured(CAR, stamp_s, DVec3::ZERO, DQuat::IDENTITY).unwrap()]);
+        while let Some(received) = listener.receive(Duration::from_micros(500)) {
+            let number = received.pose.stamp_s as u64;
+            let first = *first.get_or_insert(number);
+            assert_eq!(number - first, heard, "in their order, and each of them");
+            heard += 1;
+        }
+        if heard >= 4500 && late.is_none() {
+            late = Some(far("late"));
+        }
+        let has_joined = late.as_ref().is_some_and(|late: &Ros2Node| late.counters().received > 50);
+        if has_joined && first.is_some_and(|first| first + heard > instant) {
+            break;
+        }
+    }
+    assert_eq!(city.counters().slow, 0);
 }
 
 /// What a stranger writes as it is.
@@ -88,7 +119,7 @@ impl rustdds::no_key::SerializerAdapter<Vec<u8>> for Bare {
 
 #[test]
 fn what_strangers_send_is_dropped_and_counted() {
-    let subscribed = Ros2Options { subscribed: subjects(), ..options("city", VehicleTopics::Poses) };
+    let subscribed = Ros2Options { subscribed: subjects(), ..options(4, "city", VehicleTopics::Poses) };
     let node = Ros2Node::start(&subscribed).unwrap();
     // Datagrams that are no RTPS, and such that only begin so, on all ports of the domain.
     let socket = UdpSocket::bind("127.0.0.1:0").unwrap();
@@ -98,12 +129,12 @@ fn what_strangers_send_is_dropped_and_counted() {
         for port in 0..30 {
             let _ = socket.send_to(
                 &datagram[usize::from(round % 2) * 4..],
-                ("127.0.0.1", 7400 + 250 * domain() + port),
+                ("127.0.0.1", 7400 + 250 * domain(4) + port),
             );
         }
     }
     // A participant that publishes what is no pose, and too long a message.
-    let participant = rustdds::DomainParticipant::new(domain()).unwrap();
+    let participant = rustdds::DomainParticipant::new(domain(4)).unwrap();
     let qos = rustdds::QosPolicyBuilder::new().reliable(rustdds::Duration::from_secs(1)).build();
     let kind = "geometry_msgs::msg::dds_::PoseStamped_".to_owned();
     let topic = participant

@@ -37,7 +37,9 @@ impl OpenSockets {
     pub(super) fn fence_new(&self) -> Result<()> {
         let mut fenced = 0;
         for (number, _) in Self::now()?.0.difference(&self.0) {
-            let socket = Socket::from(duplicate(*number)?);
+            // Another thread may have closed it.
+            let Ok(descriptor) = duplicate(*number) else { continue };
+            let socket = Socket::from(descriptor);
             if socket.domain()? != Domain::UNIX && socket.r#type()? == Type::DGRAM {
                 socket.bind_device(Some(LOOPBACK_DEVICE))?;
                 fenced += 1;

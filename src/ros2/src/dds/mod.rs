@@ -10,6 +10,7 @@ use crate::options::{Ros2Network, Ros2Options};
 use city3d_protocol::ros2::MessageKind;
 use graph::NodeGraph;
 use rustdds::bytes::Bytes;
+use rustdds::dds::result::WriteError;
 use rustdds::no_key::{
     DataWriter, Decode, DefaultDecoder, DeserializerAdapter, SerializerAdapter, SimpleDataReader,
 };
@@ -18,12 +19,15 @@ use rustdds::{
     DataWriterStatus, DomainParticipant, DomainParticipantBuilder, Duration, Publisher, QosPolicies,
     QosPolicyBuilder, RTPSEntity, RepresentationIdentifier, StatusEvented, Subscriber, TopicKind,
 };
+use std::collections::VecDeque;
 use std::convert::Infallible;
 use std::net::{IpAddr, Ipv4Addr};
 use std::task::Waker;
 
 /// Encapsulation header of CDR, which RustDDS writes itself.
 const HEADER_BYTES: usize = 4;
+/// Messages that wait for the window of a topic; the oldest are dropped (load shedding).
+const MAX_BACKLOG: usize = 64;
 /// Messages of a subscription that wait to be taken.
 const RECEIVE_DEPTH: i32 = 256;
 
@@ -115,7 +119,7 @@ impl Middleware for Dds {
     ) -> Result<Box<dyn TopicPublisher>, Ros2Error> {
         let writer = self.writer(&format!("rt{topic}"), &kind.dds_name(), &qos(offer))?;
         self.graph.add_writer(writer.guid().to_bytes());
-        Ok(Box::new(DdsPublisher { writer, readers: 0 }))
+        Ok(Box::new(DdsPublisher { writer, backlog: VecDeque::new(), readers: 0 }))
     }
 
     fn subscriber(
@@ -154,13 +158,27 @@ type RawReader = SimpleDataReader<Received, RawCdr>;
 
 struct DdsPublisher {
     writer: RawWriter,
+    /// Messages that the writer has not taken yet: to RustDDS a reader has acknowledged nothing until it first does, so that
+    /// the window of a writer that has run for a while is full for some milliseconds whenever a reader joins.
+    backlog: VecDeque<Bytes>,
     /// Readers that are matched now.
     readers: i32,
 }
 
 impl TopicPublisher for DdsPublisher {
     fn publish(&mut self, message: Vec<u8>) -> bool {
-        self.writer.write(message.into(), None).is_ok()
+        self.backlog.push_back(message.into());
+        while let Some(first) = self.backlog.pop_front() {
+            if let Err(WriteError::WouldBlock { data }) = self.writer.write(first, None) {
+                self.backlog.push_front(data);
+                break;
+            }
+        }
+        let is_full = self.backlog.len() > MAX_BACKLOG;
+        if is_full {
+            self.backlog.pop_front();
+        }
+        !is_full
     }
 
     fn has_subscribers(&mut self) -> bool {
