@@ -145,7 +145,7 @@ end_ros2() {
 
 # A second machine: a network namespace behind a pair of virtual Ethernet devices.
 far_machine() {
-    unshare -n sleep 600 &
+    (trap - INT; exec unshare -n sleep 600) &
     far=$!
     processes+=("$far")
     until [[ "$(readlink "/proc/$far/ns/net")" != "$(readlink /proc/self/ns/net)" ]]; do sleep 0.1; done
@@ -171,11 +171,11 @@ across_namespaces() {
     elsewhere "$python" tests/peers/ros2_measure.py path1_b 0 0 0.1 4 path1_a
     kill -INT "${processes[-1]}"
     end_ros2 alone nothing
-    say "with --ros2-network it is seen"
-    serve_ros2 open mixed "--ros2=$domain" --ros2-network 10.207.0.1
-    elsewhere "$python" tests/peers/ros2_topics.py "$domain" ros_discovery_info
-    kill -INT "${processes[-1]}"
-    end_ros2 open nothing
+    say "with --ros2-network it is seen, and hears"
+    serve_ros2 open mixed "--ros2=$domain" --ros2-network 10.207.0.1 --ros2-control --duration 6
+    elsewhere "$python" tests/peers/ros2_topics.py "$domain" ros_discovery_info "$topic"
+    elsewhere "$python" tests/peers/ros2_measure.py path1_b -0.9 1.793 0.2 8 path1_a
+    end_ros2 open measure 2
 }
 
 ros2() {
