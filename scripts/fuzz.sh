@@ -28,6 +28,7 @@ declare -A LIMITS=(
     [logs]="16384 20 1024"
     [models]="8192 10 1024"
     [pose_tables]="4096 5 512"
+    [ros2_messages]="2048 2 512"
     [ros_messages]="2048 2 512"
     [rosbridge]="4096 5 512"
     [scenarios]="4096 20 1024"

@@ -8,6 +8,9 @@
 #   scripts/peers.sh foxglove [FOLDER]     a served city with Foxglove's own client of its protocol and its readers of ROS 2
 #                                          messages (npm), and its definitions of messages (PyPI); a picture goes to
 #                                          FOLDER, out/foxglove unless told otherwise
+#   scripts/peers.sh ros2 [SECONDS]        ROS 2 over DDS: rclpy (Fast DDS) as mainframe and as motion capture, the node of
+#                                          clients/ros2, Cyclone DDS; as root, a second network namespace; 60 vehicles for
+#                                          60 s unless told otherwise
 #
 # To check against rosbridge_suite itself, where it is installed: ROSBRIDGE=ws://127.0.0.1:9090 scripts/peers.sh rosbridge.
 # Another program than that of this folder: CITY3D=/usr/bin/city3d scripts/peers.sh rosbridge.
@@ -18,10 +21,15 @@ source scripts/setup.sh
 folder=$(mktemp -d)
 processes=()
 
-end() {
+end_all() {
     # What has ended already needs no signal.
     for process in "${processes[@]}"; do kill -INT "$process" 2>/dev/null || true; done
     for process in "${processes[@]}"; do wait "$process" 2>/dev/null || true; done
+    processes=()
+}
+
+end() {
+    end_all
     rm -rf "$folder"
 }
 trap end EXIT
@@ -146,6 +154,109 @@ foxglove() {
     node "$node/client.mjs" "$url"
 }
 
+# serve_ros2 NAME ARGUMENTS: serves a city over ROS 2 in the background; its files go to $folder/NAME.
+serve_ros2() {
+    local name=$1
+    shift
+    (trap - INT; exec "$city3d" serve "$@" --headless --bind 127.0.0.1:0 --out "$folder/$name") \
+        >"$folder/$name.out" 2>"$folder/$name.err" &
+    processes+=($!)
+    wait_for "$folder/$name.out" "is served on udp"
+    address=$(sed -n 's/.*on udp \([0-9.:]*\).*/\1/p' "$folder/$name.out")
+}
+
+# Waits for the last city, which ends by itself, and says what it came to.
+end_ros2() {
+    wait "${processes[-1]}" || die "the city failed: $(cat "$folder/$1.err")"
+    unset 'processes[-1]'
+    cat "$folder/$1.err" >&2
+    python3 tests/peers/ros2_report.py "$folder/$@"
+}
+
+# A second machine: a network namespace behind a pair of virtual Ethernet devices.
+far_machine() {
+    (trap - INT; exec unshare -n sleep 600) &
+    far=$!
+    processes+=("$far")
+    until [[ "$(readlink "/proc/$far/ns/net")" != "$(readlink /proc/self/ns/net)" ]]; do sleep 0.1; done
+    ip link add city3d0 type veth peer name city3d1 netns "$far"
+    ip address add 10.207.0.1/24 dev city3d0
+    ip link set city3d0 up
+    nsenter -t "$far" -n sh -c 'ip link set lo up; ip address add 10.207.0.2/24 dev city3d1; ip link set city3d1 up;
+        ip route add 224.0.0.0/4 dev city3d1'
+}
+
+elsewhere() {
+    local cyclone='<CycloneDDS><Domain><General><Interfaces><NetworkInterface address="10.207.0.2"/></Interfaces></General>
+        <Discovery><Peers><Peer address="10.207.0.1"/></Peers></Discovery></Domain></CycloneDDS>'
+    CYCLONEDDS_URI=$cyclone nsenter -t "$far" -n "$@"
+}
+
+across_namespaces() {
+    local far topic=rt/vicon/path1_a/path1_a
+    far_machine
+    say "from another machine: nothing is seen, and nothing comes in"
+    serve_ros2 alone mixed "--ros2=$domain" --ros2-control --duration 8
+    if elsewhere "$python" tests/peers/ros2_topics.py "$domain" "$topic"; then die "the city is seen"; fi
+    elsewhere "$python" tests/peers/ros2_measure.py path1_b 0 0 0.1 4 path1_a
+    kill -INT "${processes[-1]}"
+    end_ros2 alone nothing
+    say "with --ros2-network it is seen, and hears"
+    serve_ros2 open mixed "--ros2=$domain" --ros2-network 10.207.0.1 --ros2-control --duration 6
+    elsewhere "$python" tests/peers/ros2_topics.py "$domain" ros_discovery_info "$topic"
+    elsewhere "$python" tests/peers/ros2_measure.py path1_b -0.9 1.793 0.2 8 path1_a
+    end_ros2 open measure 2
+}
+
+ros2() {
+    local seconds=${1:-60} city3d=${CITY3D:-} domain=$((100 + RANDOM % 100)) address
+    local python=$PWD/target/ros2-peer/bin/python
+    make_venv target/ros2-peer tests/peers/ros2-requirements.txt
+    export RMW_IMPLEMENTATION=rmw_fastrtps_cpp ROS_DOMAIN_ID=$domain
+    if [[ -z "$city3d" ]]; then
+        cargo build --release --locked
+        city3d="${CARGO_TARGET_DIR:-target}/release/city3d"
+    fi
+    say "a node of rclpy drives the roundabout from start to end"
+    "$city3d" check roundabout-coordinated --json --routes >"$folder/routes.json"
+    serve_ros2 driven roundabout "--ros2=$domain" --ros2-clock --ros2-control --duration 40
+    "$python" tests/peers/ros2_mainframe.py "$folder/routes.json"
+    end_ros2 driven drive 1 2 3 4 5 6
+    say "the node of clients/ros2 drives round a block"
+    "$city3d" check clients/ros2/block.toml --json --routes >"$folder/block.json"
+    serve_ros2 block clients/ros2/block.toml "--ros2=$domain" --ros2-control
+    timeout 90 "$python" clients/ros2/drive_block.py "$folder/block.json"
+    kill -INT "${processes[-1]}"
+    end_ros2 block drive 1
+    say "poses in the form of ros2-vicon-receiver move a physical vehicle"
+    serve_ros2 measured mixed "--ros2=$domain" --ros2-control --duration 6
+    "$python" tests/peers/ros2_measure.py path1_b -0.9 1.793 0.2 8 path1_a
+    end_ros2 measured measure 2
+    say "compressed pictures are whole at default buffers"
+    serve_ros2 seen straight "--ros2=$domain" --ros2-cameras
+    "$city3d" mainframe straight --duration 60 --city "$address" >"$folder/mainframe.out" 2>&1 &
+    processes+=($!)
+    "$python" tests/peers/ros2_pictures.py leader windscreen 5 compressed
+    end_all
+    say "Cyclone DDS lists what is published, and $seconds s of 60 vehicles are heard"
+    sed 's/^vehicles = .*/vehicles = 60/' scenarios/city.toml >"$folder/crowd.toml"
+    serve_ros2 many "$folder/crowd.toml" "--ros2=$domain" --ros2-tf
+    "$city3d" mainframe "$folder/crowd.toml" --city "$address" >"$folder/mainframe.out" 2>&1 &
+    processes+=($!)
+    CYCLONEDDS_URI='<CycloneDDS><Domain><General><Interfaces><NetworkInterface name="lo"/></Interfaces></General></Domain></CycloneDDS>' \
+        "$python" tests/peers/ros2_topics.py "$domain" ros_discovery_info rt/tf rt/tf_static
+    local names
+    mapfile -t names < <("$city3d" check "$folder/crowd.toml" --json --routes |
+        python3 -c 'import json, sys; print(*(v["name"] for v in json.load(sys.stdin)["routes"]["vehicles"][:60]), sep="\n")')
+    local depth
+    for depth in 1000 10; do
+        "$python" tests/peers/ros2_listen.py "$seconds" "$depth" reliable "${names[@]}"
+    done
+    end_all
+    python3 tests/peers/ros2_report.py "$folder/many" nothing
+    if [[ $(id -u) == 0 ]]; then across_namespaces; else echo "SKIPPED: another network namespace needs root"; fi
+}
+
 case "${1:-}" in
     foxglove)
         set_up
@@ -162,5 +273,10 @@ case "${1:-}" in
         shift
         rosbridge "$@"
         ;;
-    *) die "usage: scripts/peers.sh rosbridge [SECONDS], web [FOLDER] or foxglove [FOLDER]" ;;
+    ros2)
+        set_up
+        shift
+        ros2 "$@"
+        ;;
+    *) die "usage: scripts/peers.sh rosbridge [SECONDS], ros2 [SECONDS], web [FOLDER] or foxglove [FOLDER]" ;;
 esac

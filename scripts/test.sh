@@ -16,10 +16,11 @@ set_up_tests
 
 step cargo fmt --all --check
 step cargo clippy --locked --workspace --all-targets -- -D warnings
-# The feature sets that README.md and docs/ros.md name.
+# The feature sets that README.md, docs/ros.md and docs/ros2.md name.
 step cargo clippy --locked --all-targets --no-default-features -- -D warnings
 step cargo clippy --locked --no-default-features --features render -- -D warnings
 step cargo clippy --locked --no-default-features --features ros -- -D warnings
+step cargo clippy --locked --no-default-features --features ros2 -- -D warnings
 step "$PEERS/bin/cargo-deny" --locked check bans licenses sources
 step env RUSTDOCFLAGS="-D warnings" cargo doc --locked --workspace --no-deps
 if cargo nextest --version >/dev/null 2>&1; then

@@ -11,6 +11,10 @@ use city3d_network::ros::{
     CameraInfo, ClockMessage, CompressedImage, Header, Quaternion, RosMessage, TfMessage, Time, Transform,
     TransformStamped, Vector3,
 };
+use city3d_protocol::cdr::{CdrReader, CdrWriter};
+use city3d_protocol::ros2::{
+    Pose, Stamp, read_pose, read_trajectory, read_transform, write_clock, write_pose, write_transform,
+};
 use city3d_protocol::snapshot::{
     CoordinationUpdate, DecisionReason, Indicator, ModelKind, NoPlan, Pedals, PlanPoint, PlannedPassage,
     Status, Trajectory, TrajectoryPoint, VehicleId, VehicleSpec, ZoneCounts, ZoneState, ZoneVehicle,
@@ -46,6 +50,7 @@ pub fn all() -> Vec<Seed> {
     seeds.extend(pose_tables());
     seeds.extend(calls());
     seeds.extend(messages());
+    seeds.extend(ros2_messages());
     seeds.push(("rosbridge", "messages".to_owned(), rosbridge()));
     seeds
 }
@@ -73,6 +78,14 @@ pub fn is_taken(target: &str, bytes: &[u8], path: &Path) -> bool {
             3 => CompressedImage::decode(&bytes[1..]).is_ok(),
             _ => CameraInfo::decode(&bytes[1..]).is_ok(),
         },
+        "ros2_messages" => {
+            let mut cdr = CdrReader::of_body(&bytes[1..]);
+            match bytes[0] {
+                0 => read_pose(&mut cdr).is_some(),
+                1 => read_transform(&mut cdr).is_some(),
+                _ => read_trajectory(&mut cdr).is_some(),
+            }
+        }
         // Of three cars one is removed; a reset keeps the others.
         "served_world" => served(bytes).snapshot().vehicles.len() == 2,
         "rosbridge" => dispatched(bytes) == 3,
@@ -528,6 +541,40 @@ fn messages() -> Vec<Seed> {
     named
         .map(|((kind, name), bytes)| ("ros_messages", name.to_owned(), [vec![kind], bytes].concat()))
         .collect()
+}
+
+/// Of each type of ROS 2 that is received, behind the byte that selects it.
+fn ros2_messages() -> Vec<Seed> {
+    let pose =
+        Pose { position: DVec3::new(1.0, 2.0, 0.0), orientation: DQuat::from_xyzw(0.0, 0.0, 0.6, 0.8) };
+    let header = (Stamp { sec: 12, nanosec: 5 }, "map");
+    let written = |write: &dyn Fn(&mut CdrWriter)| {
+        let mut cdr = CdrWriter::reusing(Vec::new());
+        write(&mut cdr);
+        cdr.into_bytes()[4..].to_vec()
+    };
+    let trajectory = |cdr: &mut CdrWriter| {
+        write_clock(cdr, header.0);
+        cdr.string(header.1);
+        cdr.u32(1);
+        cdr.string("car");
+        cdr.u32(1);
+        cdr.f64s([].into_iter());
+        cdr.u32(1);
+        (0..6).for_each(|k| cdr.f64(f64::from(k)));
+        cdr.u32(0);
+        cdr.u32(1);
+        cdr.u32(500_000_000);
+    };
+    let messages = [
+        ("pose", written(&|cdr| write_pose(cdr, header, &pose))),
+        ("transform", written(&|cdr| write_transform(cdr, header, "car_car", &pose))),
+        ("trajectory", written(&trajectory)),
+    ];
+    let seed = |(kind, (name, bytes)): (u8, (&str, Vec<u8>))| {
+        ("ros2_messages", name.to_owned(), [vec![kind], bytes].concat())
+    };
+    (0_u8..).zip(messages).map(seed).collect()
 }
 
 fn rosbridge() -> Vec<u8> {

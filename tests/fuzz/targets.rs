@@ -13,6 +13,8 @@ use city3d_network::ros::fuzzing::{
 use city3d_network::ros::{
     CameraInfo, ClockMessage, CompressedImage, RosMessage, TfMessage, Topics, TransformStamped,
 };
+use city3d_protocol::cdr::CdrReader;
+use city3d_protocol::ros2::{MultiDofPoint, read_pose, read_trajectory, read_transform};
 use city3d_protocol::snapshot::{FrameSnapshot, VehicleId, VehicleState};
 use city3d_protocol::wire::{
     Authenticator, Body, DatagramHeader, Decisions, Denial, DenialReason, MAGIC, MAX_DATAGRAM_BYTES,
@@ -34,7 +36,7 @@ use std::sync::Arc;
 pub type Target = fn(&[u8]);
 
 /// All targets by name, which is that of their corpus, of their program and in `scripts/fuzz.sh`.
-pub const TARGETS: [(&str, Target); 13] = [
+pub const TARGETS: [(&str, Target); 14] = [
     ("bags", bags),
     ("datagrams", datagrams),
     ("drawings", drawings),
@@ -42,6 +44,7 @@ pub const TARGETS: [(&str, Target); 13] = [
     ("logs", logs),
     ("models", models),
     ("pose_tables", pose_tables),
+    ("ros2_messages", ros2_messages),
     ("ros_messages", ros_messages),
     ("rosbridge", rosbridge),
     ("scenarios", scenarios),
@@ -365,6 +368,23 @@ pub fn ros_messages(data: &[u8]) {
         2 => assert_rewritten::<ClockMessage>(bytes),
         3 => assert_rewritten::<CompressedImage>(bytes),
         _ => assert_rewritten::<CameraInfo>(bytes),
+    }
+}
+
+/// A message of ROS 2 behind its header, of the type that the first byte selects. What is read of it is no larger than it.
+pub fn ros2_messages(data: &[u8]) {
+    let Some((kind, bytes)) = data.split_first() else { return };
+    let mut cdr = CdrReader::of_body(bytes);
+    match kind % 3 {
+        0 => assert!(read_pose(&mut cdr).is_none() || bytes.len() >= 64),
+        1 => assert!(read_transform(&mut cdr).is_none() || bytes.len() >= 64),
+        _ => {
+            let Some(trajectory) = read_trajectory(&mut cdr) else { return };
+            let of_point = |point: &MultiDofPoint| 20 + 56 * point.poses.len() + 48 * point.velocities.len();
+            let points: usize = trajectory.points.iter().map(of_point).sum();
+            let names: usize = trajectory.joints.iter().map(|name| 5 + name.len()).sum();
+            assert!(points + names <= bytes.len());
+        }
     }
 }
 

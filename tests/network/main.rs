@@ -12,6 +12,7 @@ mod link_faults;
 mod physical;
 mod restarts;
 mod ros;
+mod ros2;
 mod rosbridge;
 #[path = "../support/mod.rs"]
 mod support;

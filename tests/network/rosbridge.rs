@@ -3,7 +3,8 @@
 use crate::support::link;
 use crate::support::ros;
 
-use city3d_network::link::vicon::{RosTransport, Subject, Vicon, ViconOptions};
+use city3d_network::link::exchange::{PoseExchange, Subject};
+use city3d_network::link::vicon::{RosTransport, Vicon, ViconOptions};
 use city3d_network::ros::{BridgeOptions, Keepalive};
 use city3d_protocol::snapshot::VehicleId;
 use city3d_protocol::wire::Measurement;

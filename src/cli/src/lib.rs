@@ -21,6 +21,8 @@ mod load;
 #[cfg(feature = "render")]
 mod look;
 mod mainframe;
+#[cfg(all(feature = "render", any(feature = "ros", feature = "ros2")))]
+mod onboard;
 mod overwrite;
 mod plot;
 mod progress;
@@ -29,6 +31,8 @@ mod repair;
 mod replay;
 #[cfg_attr(not(feature = "ros"), path = "no_ros.rs")]
 mod ros;
+#[cfg_attr(not(feature = "ros2"), path = "no_ros2.rs")]
+mod ros2;
 mod run;
 #[cfg(feature = "render")]
 mod runtime_folder;
@@ -340,8 +344,9 @@ fn start_logging(verbose: u8) {
     use tracing_subscriber::field::MakeExt;
     use tracing_subscriber::fmt::format;
     let level = ["warn", "info", "debug"][usize::from(verbose.min(2))];
+    // Whatever a stranger sends is an error to RustDDS.
     let filter = EnvFilter::try_from_env("CITY3D_LOG")
-        .unwrap_or_else(|_| EnvFilter::new(format!("error,city3d={level}")));
+        .unwrap_or_else(|_| EnvFilter::new(format!("error,rustdds=off,city3d={level}")));
     // Names in fields come from files and from the network.
     let fields = format::debug_fn(|writer, field, value| {
         let value = format!("{value:?}");

@@ -3,6 +3,7 @@
 use super::files::{LogArgs, conclude_files};
 use super::foxglove::{FoxgloveArgs, OfferedCity};
 use super::ros::{self, RosArgs};
+use super::ros2::{self, Ros2Args};
 use super::say::say;
 use super::{Failure, LinkArgs, ScenarioArgs, load, on_end, status};
 use city3d_logbook::record::LogOrigin;
@@ -28,6 +29,8 @@ pub struct MainframeArgs {
     ros: RosArgs,
     #[command(flatten)]
     foxglove: FoxgloveArgs,
+    #[command(flatten)]
+    ros2: Ros2Args,
     /// Folder for run.mcap, vehicles.csv and summary.json of what control has seen; without it nothing is written
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
@@ -49,7 +52,10 @@ pub fn mainframe(args: &MainframeArgs) -> Result<(), Failure> {
         authenticator: args.link.authenticator()?,
         stop: Arc::clone(&stop),
     };
-    let feedback = ros::feedback(&args.ros, &experiment)?;
+    let feedback = match ros2::feedback(&args.ros2, &experiment)? {
+        Some(feedback) => Some(feedback),
+        None => ros::feedback(&args.ros, &experiment)?,
+    };
     let (host, city) = (Host::system(), args.city.clone());
     // Where standard output is closed, the vehicles are driven all the same.
     let on_set_up =

@@ -14,7 +14,7 @@ pub struct RosArgs {}
 pub struct ServedRosArgs {}
 
 impl ServedRosArgs {
-    #[cfg(any(feature = "window", all(any(feature = "foxglove", feature = "web"), feature = "render")))]
+    #[cfg(feature = "render")]
     #[allow(clippy::unused_self, reason = "the same call with and without ROS")]
     pub fn look(&self) -> super::look::LookArgs {
         super::look::LookArgs::default()

@@ -5,7 +5,8 @@ mod pictures;
 
 use super::Failure;
 use super::serve::ServedEnds;
-use city3d_network::link::vicon::{RosTransport, Subject, ViconOptions};
+use city3d_network::link::exchange::{PoseExchange, Subject};
+use city3d_network::link::vicon::{RosTransport, Vicon, ViconOptions};
 use city3d_network::ros::{BindAddress, BridgeUri, MasterUri, NodeOptions};
 use city3d_session::remote::PoseFeedback;
 use city3d_session::robots::CaptureEnd;
@@ -79,7 +80,7 @@ pub struct ServedRosArgs {
 
 impl ServedRosArgs {
     /// The looks of the pictures, and of a window beside them.
-    #[cfg(any(feature = "window", all(any(feature = "foxglove", feature = "web"), feature = "render")))]
+    #[cfg(feature = "render")]
     pub fn look(&self) -> super::look::LookArgs {
         self.pictures.look()
     }
@@ -91,8 +92,8 @@ impl ServedRosArgs {
             return Ok(ServedEnds::default());
         };
         let cameras = self.pictures.cameras(experiment)?;
-        let node = RosNode::start(ViconOptions { cameras: cameras.names(), ..options })
-            .map_err(Failure::bad_input)?;
+        let exchange = start(ViconOptions { cameras: cameras.names(), ..options })?;
+        let node = RosNode::new(exchange, "ros", self.ros_clock);
         let mut ends = ServedEnds { capture: Some(Box::new(node.capture())), ..ServedEnds::default() };
         ends.urgent.push(Box::new(node.poses()));
         ends.later.extend(cameras.publish(&node, experiment)?);
@@ -100,16 +101,20 @@ impl ServedRosArgs {
     }
 }
 
+fn start(options: ViconOptions) -> Result<Box<dyn PoseExchange>, Failure> {
+    Ok(Box::new(Vicon::start(options).map_err(Failure::bad_input)?))
+}
+
 /// Poses of VICON for the control framework, where the arguments ask for them.
 pub fn feedback(args: &RosArgs, experiment: &Experiment) -> Result<Option<Box<dyn PoseFeedback>>, Failure> {
     let Some(options) = args.options("/city3d_mainframe", false, subjects_of(experiment))? else {
         return Ok(None);
     };
-    Ok(Some(Box::new(RosFeedback::start(options, experiment).map_err(Failure::bad_input)?)))
+    Ok(Some(Box::new(RosFeedback::new(start(options)?, experiment))))
 }
 
 /// Motion capture of the emulated robots over ROS, where the arguments ask for it.
 pub fn capture(args: &RosArgs, experiment: &Experiment) -> Result<Option<Box<dyn CaptureEnd>>, Failure> {
     let Some(options) = args.options("/city3d_testbed", false, Vec::new())? else { return Ok(None) };
-    Ok(Some(Box::new(RosMotionCapture::start(options, experiment).map_err(Failure::bad_input)?)))
+    Ok(Some(Box::new(RosMotionCapture::new(start(options)?, experiment))))
 }

@@ -3,10 +3,12 @@
 use super::files::{LogArgs, conclude_files};
 use super::foxglove::{FoxgloveArgs, OfferedCity};
 use super::ros::ServedRosArgs;
+use super::ros2::ServedRos2Args;
 use super::say::say;
 use super::{Failure, LinkArgs, ScenarioArgs, load, on_end, status};
 use city3d_logbook::record::LogOrigin;
 use city3d_network::link::AllowedNetwork;
+use city3d_network::link::exchange::TrajectoryExchange;
 use city3d_session::served::{MotionCapture, ServeOptions, ServedCity};
 use city3d_session::{End, Host, RunFiles, RunFolders, Session, SessionEnd, SessionHandle, Speed};
 use city3d_simulation::scenario::Experiment;
@@ -45,6 +47,8 @@ pub struct ServeArgs {
     speed: f64,
     #[command(flatten)]
     ros: ServedRosArgs,
+    #[command(flatten)]
+    ros2: ServedRos2Args,
     #[cfg(feature = "web")]
     #[command(flatten)]
     web: super::web::WebArgs,
@@ -66,6 +70,8 @@ pub struct ServeArgs {
 pub struct ServedEnds {
     /// Poses of physical vehicles, where they do not come by their own links.
     pub capture: Option<Box<dyn MotionCapture>>,
+    /// Trajectories that come by topics.
+    pub trajectories: Option<Box<dyn TrajectoryExchange>>,
     /// Those whose receivers wait for each moment.
     pub urgent: Vec<Box<dyn End>>,
     /// Those that may be told later.
@@ -79,9 +85,12 @@ pub fn serve(args: &ServeArgs) -> Result<(), Failure> {
     inputs.extend(args.link.key.clone());
     let claimed = args.out.as_ref().map(|folder| file_options.claim_folder(folder, &inputs)).transpose()?;
     let stop = on_end()?;
-    let ServedEnds { capture, urgent, later } = args.ros.ends(&experiment)?;
+    let ServedEnds { capture, trajectories, urgent, later } = args.ends(&experiment)?;
     let host = Host::system();
-    let city = ServedCity::open(options, Experiment::clone(&experiment), capture, host.clone())?;
+    let mut city = ServedCity::open(options, Experiment::clone(&experiment), capture, host.clone())?;
+    if let Some(trajectories) = trajectories {
+        city.driven_by(trajectories, Arc::clone(&experiment));
+    }
     let address = city.address();
     let files = RunFiles::new(RunFolders::parts(args.out.clone()), LogOrigin::Served, file_options)
         .in_claimed(claimed)
@@ -127,6 +136,15 @@ pub fn serve(args: &ServeArgs) -> Result<(), Failure> {
 }
 
 impl ServeArgs {
+    /// What is exchanged by topics, over ROS 1 or over ROS 2.
+    fn ends(&self, experiment: &Experiment) -> Result<ServedEnds, Failure> {
+        #[cfg(feature = "render")]
+        let over_ros2 = self.ros2.ends(experiment, &self.ros.look())?;
+        #[cfg(not(feature = "render"))]
+        let over_ros2 = self.ros2.ends(experiment)?;
+        Ok(if over_ros2.capture.is_some() { over_ros2 } else { self.ros.ends(experiment)? })
+    }
+
     fn options(&self) -> Result<ServeOptions, Failure> {
         Ok(ServeOptions {
             bind: self.bind.clone(),

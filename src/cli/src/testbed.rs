@@ -1,6 +1,7 @@
 //! `city3d testbed`: emulates the laboratory's robots and its motion capture.
 
 use super::ros::{self, RosArgs};
+use super::ros2::{self, Ros2Args};
 use super::say::say;
 use super::status::StatusLine;
 use super::{Failure, LinkArgs, ScenarioArgs, load, on_end};
@@ -20,6 +21,8 @@ pub struct TestbedArgs {
     allow: Vec<AllowedNetwork>,
     #[command(flatten)]
     ros: RosArgs,
+    #[command(flatten)]
+    ros2: Ros2Args,
 }
 
 pub fn testbed(args: &TestbedArgs) -> Result<(), Failure> {
@@ -30,7 +33,10 @@ pub fn testbed(args: &TestbedArgs) -> Result<(), Failure> {
         allowed: args.allow.clone(),
     };
     let stop = on_end()?;
-    let capture = ros::capture(&args.ros, &experiment)?;
+    let capture = match ros2::capture(&args.ros2, &experiment)? {
+        Some(capture) => Some(capture),
+        None => ros::capture(&args.ros, &experiment)?,
+    };
     let mut server = TestbedServer::open(&options, &experiment, capture, Host::system())?;
     for (robots, address) in server.robots() {
         let robots: Vec<String> = robots.iter().map(ToString::to_string).collect();

@@ -34,9 +34,8 @@ pub mod playback;
 pub mod recorded;
 pub mod remote;
 pub mod robots;
-#[cfg(feature = "ros")]
 pub mod ros;
-#[cfg(all(feature = "render", feature = "ros"))]
+#[cfg(feature = "render")]
 pub mod ros_pictures;
 mod run_files;
 mod send_on_delta;
@@ -45,6 +44,7 @@ mod session;
 mod source;
 mod state;
 mod token;
+mod topic_control;
 mod traffic;
 mod udp_poses;
 mod watch;

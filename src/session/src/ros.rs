@@ -1,17 +1,15 @@
-//! ROS as an end of a city: poses as VICON publishes them, over ROS 1 or rosbridge, and poses from there.
+//! ROS as an end of a city: poses as motion capture publishes them, over ROS 1, rosbridge or ROS 2, and poses from there.
 
 use super::Moment;
 use super::end::{End, EndFailure, EndHealth};
 use super::remote::PoseFeedback;
 use super::robots::CaptureEnd;
 use super::served::MotionCapture;
-use city3d_network::link::feedback::ViconFeedback;
-use city3d_network::link::onboard::PictureSender;
-use city3d_network::link::vicon::{
-    EPOCH_S, ReceivedPose, Subject, Vicon, ViconCounters, ViconOptions, wall_s,
+use city3d_network::link::exchange::{
+    EPOCH_S, ExchangeCounters, PictureQueue, PoseExchange, ReceivedPose, Subject, wall_s,
 };
+use city3d_network::link::feedback::ViconFeedback;
 use city3d_network::link::{Client, ClientEvent};
-use city3d_network::ros::RosError;
 use city3d_protocol::snapshot::VehicleInfo;
 use city3d_protocol::wire::{MAX_AHEAD_S, Measurement};
 use city3d_simulation::runner::RosSummary;
@@ -35,27 +33,25 @@ pub fn physical_subjects_of(experiment: &Experiment) -> Vec<Subject> {
     subjects_of(experiment).into_iter().filter(|subject| experiment.is_physical(subject.vehicle)).collect()
 }
 
-/// The node of a served city, which publishes the poses of its vehicles and hears those of physical ones.
+/// The exchange of a served city, which publishes the poses of its vehicles and hears those of physical ones.
 #[derive(Clone, Debug)]
 pub struct RosNode {
-    vicon: Arc<Mutex<Vicon>>,
+    exchange: Arc<Mutex<Box<dyn PoseExchange>>>,
+    /// Name of the end in messages and in `summary.json`.
+    name: &'static str,
     /// Stamps are simulated time.
     has_clock: bool,
 }
 
 impl RosNode {
-    /// Starts the node, which looks for its master or server; that may start later.
-    ///
-    /// # Errors
-    /// When the node cannot be started.
-    pub fn start(options: ViconOptions) -> Result<Self, RosError> {
-        let has_clock = options.has_clock;
-        Ok(Self { vicon: Arc::new(Mutex::new(Vicon::start(options)?)), has_clock })
+    /// Serves a city over an exchange; `name` is that of the end.
+    pub fn new(exchange: Box<dyn PoseExchange>, name: &'static str, has_clock: bool) -> Self {
+        Self { exchange: Arc::new(Mutex::new(exchange)), name, has_clock }
     }
 
     /// The queue for pictures of its cameras.
-    pub fn pictures(&self) -> PictureSender {
-        self.vicon().pictures()
+    pub fn pictures(&self) -> Arc<dyn PictureQueue> {
+        self.exchange().pictures()
     }
 
     /// Whether stamps are simulated time.
@@ -73,8 +69,8 @@ impl RosNode {
         RosCapture(self.clone())
     }
 
-    fn vicon(&self) -> MutexGuard<'_, Vicon> {
-        self.vicon.lock().unwrap_or_else(PoisonError::into_inner)
+    fn exchange(&self) -> MutexGuard<'_, Box<dyn PoseExchange>> {
+        self.exchange.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
@@ -93,7 +89,7 @@ pub struct RosPoses {
 
 impl End for RosPoses {
     fn name(&self) -> &'static str {
-        "ros"
+        self.node.name
     }
 
     fn take(&mut self, moment: &Moment<'_>) {
@@ -110,11 +106,12 @@ impl End for RosPoses {
         }
         let poses = Measurement::all(snapshot, moment.scale()).collect();
         let stamp_s = if self.node.has_clock { snapshot.time_s } else { moment.unix_s };
-        self.node.vicon().publish(stamp_s, &self.subjects, poses);
+        self.node.exchange().publish(stamp_s, &self.subjects, poses);
     }
 
     fn health(&self) -> EndHealth {
-        let ViconCounters { published, dropped, slow, is_registered, .. } = self.node.vicon().counters();
+        let ExchangeCounters { published, dropped, slow, is_registered, .. } =
+            self.node.exchange().counters();
         let failure = (!is_registered).then(|| EndFailure::new(RosAway));
         EndHealth { delivered: published, dropped: dropped + slow, failure }
     }
@@ -130,9 +127,9 @@ pub struct RosCapture(RosNode);
 
 impl MotionCapture for RosCapture {
     fn next(&mut self, time_s: f64, is_running: bool) -> Option<Measurement> {
-        let mut vicon = self.0.vicon();
+        let mut exchange = self.0.exchange();
         loop {
-            let ReceivedPose { pose, .. } = vicon.receive(Duration::ZERO)?;
+            let ReceivedPose { pose, .. } = exchange.receive(Duration::ZERO)?;
             let stamp_s = match is_running {
                 _ if pose.stamp_s < EPOCH_S => pose.stamp_s,
                 true => (time_s + pose.stamp_s - wall_s()).max(0.0),
@@ -141,12 +138,12 @@ impl MotionCapture for RosCapture {
             if !is_running || stamp_s <= time_s + MAX_AHEAD_S {
                 return Some(Measurement { stamp_s, ..pose });
             }
-            vicon.drop_ahead(pose.vehicle, stamp_s - time_s);
+            exchange.drop_ahead(pose.vehicle, stamp_s - time_s);
         }
     }
 
     fn summary(&self) -> RosSummary {
-        let counters = self.0.vicon().counters();
+        let counters = self.0.exchange().counters();
         RosSummary {
             published: counters.published,
             dropped: counters.dropped,
@@ -161,18 +158,15 @@ impl MotionCapture for RosCapture {
     }
 }
 
-/// Pose feedback for the control framework, from VICON over ROS.
+/// Pose feedback for the control framework, from motion capture over ROS.
 #[derive(Debug)]
 pub struct RosFeedback(ViconFeedback);
 
 impl RosFeedback {
-    /// Starts a node that hears all vehicles of an experiment.
-    ///
-    /// # Errors
-    /// When the node cannot be started.
-    pub fn start(options: ViconOptions, experiment: &Experiment) -> Result<Self, RosError> {
+    /// Feedback by an exchange that hears all vehicles of an experiment.
+    pub fn new(exchange: Box<dyn PoseExchange>, experiment: &Experiment) -> Self {
         let (vehicles, per_control) = (experiment.vehicles.len(), experiment.rates.ticks_per_control());
-        Ok(Self(ViconFeedback::new(Vicon::start(options)?, vehicles, per_control)))
+        Self(ViconFeedback::new(exchange, vehicles, per_control))
     }
 }
 
@@ -185,24 +179,21 @@ impl PoseFeedback for RosFeedback {
 /// Motion capture of the emulated robots, published over ROS.
 #[derive(Debug)]
 pub struct RosMotionCapture {
-    vicon: Vicon,
+    exchange: Box<dyn PoseExchange>,
     subjects: Arc<Vec<Subject>>,
 }
 
 impl RosMotionCapture {
-    /// Starts a node that publishes the physical vehicles of an experiment.
-    ///
-    /// # Errors
-    /// When the node cannot be started.
-    pub fn start(options: ViconOptions, experiment: &Experiment) -> Result<Self, RosError> {
+    /// Publishes the physical vehicles of an experiment by an exchange.
+    pub fn new(exchange: Box<dyn PoseExchange>, experiment: &Experiment) -> Self {
         let subjects = Arc::new(physical_subjects_of(experiment));
-        Ok(Self { vicon: Vicon::start(options)?, subjects })
+        Self { exchange, subjects }
     }
 }
 
 impl CaptureEnd for RosMotionCapture {
     fn publish(&mut self, latency_s: f64, poses: Vec<Measurement>) {
-        // As VICON's bridge stamps them: now, less the latency of the capture.
-        self.vicon.publish(wall_s() - latency_s, &self.subjects, poses);
+        // As motion capture stamps them: now, less its latency.
+        self.exchange.publish(wall_s() - latency_s, &self.subjects, poses);
     }
 }

@@ -1,4 +1,4 @@
-//! Onboard pictures as an end over ROS: encoded as PNG, with the intrinsics and extrinsics of their cameras.
+//! Onboard pictures as an end over ROS: encoded, with the intrinsics and extrinsics of their cameras.
 
 use super::Moment;
 use super::end::{End, EndHealth};
@@ -7,16 +7,21 @@ use super::pictures::{
 };
 use super::ros::RosNode;
 use city3d_geometry::LengthScale;
-use city3d_network::link::onboard::{OnboardPicture, PictureSender};
-use city3d_render::encode_png;
+use city3d_network::link::exchange::{OnboardPicture, PictureForm, PictureQueue};
+use city3d_render::{Image, encode_png};
 use city3d_sensors::Projection;
+use image::ExtendedColorType;
+use image::codecs::jpeg::JpegEncoder;
 use rayon::prelude::*;
+use std::sync::Arc;
+
+const JPEG_QUALITY: u8 = 90;
 
 /// Onboard pictures that are published over ROS.
 #[derive(Debug)]
 pub struct RosPictures {
     thread: PictureThread,
-    sender: PictureSender,
+    queue: Arc<dyn PictureQueue>,
 }
 
 impl RosPictures {
@@ -30,12 +35,12 @@ impl RosPictures {
         node: &RosNode,
         scale: LengthScale,
     ) -> Result<Self, PictureError> {
-        let sender = node.pictures();
+        let queue = node.pictures();
         let stamps = if node.has_clock() { PictureStamps::Simulated } else { PictureStamps::Wall };
-        let publisher = sender.clone();
-        let take = move |taken: Vec<_>| publish(&publisher, &taken, scale);
-        let thread = PictureThread::start(open, (cameras, stamps), sender.wanted(), take)?;
-        Ok(Self { thread, sender })
+        let publisher = Arc::clone(&queue);
+        let take = move |taken: Vec<_>| publish(&*publisher, &taken, scale);
+        let thread = PictureThread::start(open, (cameras, stamps), queue.wanted(), take)?;
+        Ok(Self { thread, queue })
     }
 }
 
@@ -49,21 +54,22 @@ impl End for RosPictures {
     }
 
     fn health(&self) -> EndHealth {
-        let (published, lost) = self.sender.counters();
+        let (published, lost) = self.queue.counters();
         let EndHealth { dropped, failure, .. } = self.thread.health();
         EndHealth { delivered: published, dropped: lost + dropped, failure }
     }
 }
 
-/// Encodes the pictures of an instant as PNG and queues them.
-fn publish(sender: &PictureSender, taken: &[TakenPicture], scale: LengthScale) {
+/// Encodes the pictures of an instant as the queue wants them, and queues them.
+fn publish(queue: &dyn PictureQueue, taken: &[TakenPicture], scale: LengthScale) {
     taken.par_iter().for_each(|taken| {
         let Projection::Pinhole { intrinsics: k, .. } = taken.view.projection else { return };
-        match encode_png(&taken.image) {
-            Ok(png) => sender.send(OnboardPicture {
+        match encode(&taken.image, queue.form()) {
+            Ok(bytes) => queue.send(OnboardPicture {
                 camera: taken.camera,
                 stamp_s: taken.stamp_s,
-                png,
+                form: queue.form(),
+                bytes,
                 extent: taken.view.extent,
                 pinhole: [k.fx, k.fy, k.cx, k.cy],
                 position: taken.view.extrinsics.position / scale.factor(),
@@ -72,4 +78,18 @@ fn publish(sender: &PictureSender, taken: &[TakenPicture], scale: LengthScale) {
             Err(error) => tracing::warn!("an onboard picture is dropped: {error}"),
         }
     });
+}
+
+fn encode(image: &Image, form: PictureForm) -> Result<Vec<u8>, String> {
+    match form {
+        PictureForm::Png => encode_png(image).map_err(|error| error.to_string()),
+        PictureForm::Rgb8 => Ok(image.rgb.clone()),
+        PictureForm::Jpeg => {
+            let mut bytes = Vec::new();
+            JpegEncoder::new_with_quality(&mut bytes, JPEG_QUALITY)
+                .encode(&image.rgb, image.width, image.height, ExtendedColorType::Rgb8)
+                .map_err(|error| error.to_string())?;
+            Ok(bytes)
+        }
+    }
 }

@@ -3,12 +3,14 @@
 use super::loss_reporter::LossReporter;
 use super::moment::SenderLabels;
 use super::source::{Now, Pace, Source, Step};
+use super::topic_control::TopicControl;
 use super::udp_poses::{PoseSubscribers, UdpPoses};
 use super::{
     End, EndHealth, Inputs, LinkStatus, Moment, MomentKind, Order, Orders, RunPhase, SessionError, StepTiming,
 };
 use city3d_logbook::record::LogOrigin;
 use city3d_network::host::Host;
+use city3d_network::link::exchange::TrajectoryExchange;
 use city3d_network::link::{
     AllowedNetwork, Inbound, LinkCounters, PhysicalFleet, SenderId, Server, ServerOptions,
 };
@@ -18,6 +20,7 @@ use city3d_protocol::wire::{
 };
 use city3d_simulation::runner::{
     HeldControl, LinkSummary, MOTION_CAPTURE, OPERATOR, RosSummary, SenderNumber, ServerRules, ServerWorld,
+    TOPICS,
 };
 use city3d_simulation::scenario::Experiment;
 use std::collections::BTreeMap;
@@ -187,6 +190,8 @@ pub struct ServedCity {
     /// Physical vehicles that send their poses over UDP.
     physical_fleet: PhysicalFleet,
     capture: Option<Box<dyn MotionCapture>>,
+    /// A control framework that does not use the link.
+    topic_control: Option<TopicControl>,
     /// Newest measured poses while the clock is stopped.
     idle_poses: BTreeMap<VehicleId, Measurement>,
     /// Scratch buffer of measured poses.
@@ -244,6 +249,7 @@ impl ServedCity {
             begun: now,
             physical_fleet,
             capture,
+            topic_control: None,
             idle_poses: BTreeMap::new(),
             arrived: Vec::new(),
             first: None,
@@ -255,6 +261,11 @@ impl ServedCity {
             has_slept: false,
             host,
         })
+    }
+
+    /// Lets the vehicles of an experiment, which is this one with its vehicles, be driven by trajectories of topics.
+    pub fn driven_by(&mut self, trajectories: Box<dyn TrajectoryExchange>, experiment: Arc<Experiment>) {
+        self.topic_control = Some(TopicControl::new(trajectories, experiment));
     }
 
     /// The address that it listens on.
@@ -369,6 +380,23 @@ impl ServedCity {
         self.arrived = arrived;
     }
 
+    /// Carries out what has come by topics.
+    fn take_topics(&mut self, now: &Now) {
+        let Some(control) = &mut self.topic_control else { return };
+        let phase = match self.world.is_running() {
+            true => ExperimentPhase::Running,
+            false => self.world.phase(),
+        };
+        let now_s = now.at.saturating_duration_since(self.begun).as_secs_f64();
+        for body in control.due(now.simulated_s, phase) {
+            if let Some(Body::Ack { detail, .. }) = self.world.take(TOPICS, now_s, body)
+                && !detail.is_empty()
+            {
+                tracing::warn!("{detail}");
+            }
+        }
+    }
+
     /// Warms up the send path after a sleep, shortly before a tick that has subscribers.
     fn warm_up(&mut self, now: &Now) {
         let is_soon = now.until_due.is_some_and(|left| left < WARMUP_LEAD);
@@ -402,6 +430,7 @@ impl SenderLabels for ServedCity {
         match sender {
             MOTION_CAPTURE => "motion capture".to_owned(),
             OPERATOR => "window".to_owned(),
+            TOPICS => "topics".to_owned(),
             sender => self.server.label(SenderId(sender)),
         }
     }
@@ -504,6 +533,7 @@ impl Source for ServedCity {
         let now_s = self.now_s(now.at);
         self.world.release_silent_drivers(now_s);
         self.take_measurements(now);
+        self.take_topics(now);
         self.report_losses(now.at);
         self.update_rate(now.at);
         Ok(())

@@ -241,8 +241,9 @@ fn collect(folder: &Path, depth: u32, found: &mut impl FnMut(PathBuf, u32)) -> R
 
 /// Whether a file of this name, in capitals, has a licence text. The `COPYING` of a C library is that of its programs.
 fn is_licence(name: &str) -> bool {
-    let is_code =
-        [".RS", ".C", ".H", ".PY", ".TOML", ".HTML", ".TTF"].iter().any(|ending| name.ends_with(ending));
+    let is_code = [".RS", ".C", ".H", ".PY", ".TOML", ".YML", ".HTML", ".TTF"]
+        .iter()
+        .any(|ending| name.ends_with(ending));
     let starts = ["LICENSE", "LICENCE", "NOTICE", "UNLICENSE", "COPYRIGHT", "OFL", "UFL"];
     !is_code && (starts.iter().any(|start| name.starts_with(start)) || name.contains("MIT-LICENSE"))
 }

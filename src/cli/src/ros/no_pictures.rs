@@ -1,7 +1,7 @@
 //! Onboard pictures over ROS, in a program without the renderer: there are none.
 
 use crate::Failure;
-use city3d_network::link::onboard::OnboardCamera;
+use city3d_network::link::exchange::OnboardCamera;
 use city3d_session::End;
 use city3d_session::ros::RosNode;
 use city3d_simulation::scenario::Experiment;

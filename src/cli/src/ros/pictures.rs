@@ -1,16 +1,13 @@
 //! Onboard pictures over ROS.
 
 use crate::Failure;
-use crate::cameras::{ScenarioCamera, scenario_cameras};
-use crate::look::{self, LookArgs};
-use city3d_network::link::onboard::OnboardCamera;
+use crate::look::LookArgs;
+use crate::onboard::PublishedCameras;
+use city3d_network::link::exchange::OnboardCamera;
 use city3d_session::End;
-use city3d_session::pictures::CarriedCamera;
 use city3d_session::ros::RosNode;
-use city3d_session::ros_pictures::RosPictures;
 use city3d_simulation::scenario::Experiment;
 use clap::Args;
-use std::sync::Arc;
 
 /// Options of onboard pictures.
 #[derive(Clone, Debug, Args)]
@@ -26,49 +23,33 @@ pub struct PictureArgs {
 }
 
 impl PictureArgs {
-    #[cfg(any(feature = "window", feature = "web", feature = "foxglove"))]
     pub fn look(&self) -> LookArgs {
         self.look.clone()
     }
 
     /// The cameras whose pictures are asked for.
-    pub fn cameras(&self, experiment: &Experiment) -> Result<PublishedCameras<'_>, Failure> {
-        let cameras =
-            if self.ros_cameras { carried_cameras(experiment, self.ros_camera_size) } else { Vec::new() };
-        if self.ros_cameras && cameras.is_empty() {
-            return Err(Failure::bad_input(format!(
-                "scenario {} has no vehicle to carry a camera; leave --ros-cameras out",
-                experiment.name
-            )));
-        }
-        Ok(PublishedCameras { cameras, look: &self.look })
+    pub fn cameras(&self, experiment: &Experiment) -> Result<AskedCameras<'_>, Failure> {
+        let cameras = match self.ros_cameras {
+            true => PublishedCameras::carried(experiment, self.ros_camera_size, "--ros-cameras")?,
+            false => PublishedCameras::default(),
+        };
+        Ok(AskedCameras { cameras, look: &self.look })
     }
 }
 
-/// Cameras with their names in topics.
-pub struct PublishedCameras<'a> {
-    cameras: Vec<(OnboardCamera, CarriedCamera)>,
+/// Cameras, and the looks of their pictures.
+pub struct AskedCameras<'a> {
+    cameras: PublishedCameras,
     look: &'a LookArgs,
 }
 
-impl PublishedCameras<'_> {
+impl AskedCameras<'_> {
     pub fn names(&self) -> Vec<OnboardCamera> {
-        self.cameras.iter().map(|(name, _)| name.clone()).collect()
+        self.cameras.names()
     }
 
     /// Starts to draw, where there are cameras.
     pub fn publish(self, node: &RosNode, experiment: &Experiment) -> Result<Option<Box<dyn End>>, Failure> {
-        if self.cameras.is_empty() {
-            return Ok(None);
-        }
-        let cameras = self.cameras.into_iter().map(|(_, camera)| camera).collect();
-        let open = look::opener(self.look, &Arc::new(experiment.clone()));
-        Ok(Some(Box::new(RosPictures::start(open, cameras, node, experiment.scale)?)))
+        self.cameras.publish(node, experiment, self.look)
     }
-}
-
-/// The cameras of a scenario with their names in topics.
-fn carried_cameras(experiment: &Experiment, extent: Option<[u32; 2]>) -> Vec<(OnboardCamera, CarriedCamera)> {
-    let named = |ScenarioCamera { vehicle, name, camera }| (OnboardCamera { vehicle, camera: name }, camera);
-    scenario_cameras(experiment, extent).into_iter().map(named).collect()
 }

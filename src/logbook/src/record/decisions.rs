@@ -1,7 +1,7 @@
 //! Log messages of the control framework's decisions: their schema in the ROS 2 interface definition language, and their
 //! CDR encoding.
 
-use super::cdr::{CdrReader, CdrWriter};
+use city3d_protocol::cdr::{CdrReader, CdrWriter};
 use city3d_protocol::snapshot::{ControlDecision, DecisionReason, VehicleId};
 use glam::DVec2;
 

@@ -3,7 +3,6 @@
 
 mod bag;
 mod budget;
-mod cdr;
 mod chunks;
 mod decisions;
 #[cfg(test)]

@@ -1,8 +1,8 @@
 //! Log messages of plans of coordinated vehicles: their schema in the ROS 2 interface definition language, and their CDR
 //! encoding.
 
-use super::cdr::{CdrReader, CdrWriter};
 use city3d_geometry::Pose2;
+use city3d_protocol::cdr::{CdrReader, CdrWriter};
 use city3d_protocol::snapshot::{
     CoordinationUpdate, NoPlan, PlanPoint, PlannedPassage, VehicleId, ZoneCounts, ZoneState, ZoneVehicle,
 };

@@ -1,7 +1,7 @@
 //! Log messages: their schemas in the ROS 2 interface definition language, and their CDR encoding.
 
-use super::cdr::{CdrReader, CdrWriter};
 use city3d_geometry::Pose2;
+use city3d_protocol::cdr::{CdrReader, CdrWriter};
 use city3d_protocol::snapshot::{
     Aspect, Event, FrameSnapshot, Indicator, MeasuredPose, Pedals, Setup, SignalAspects, SignalHeadId,
     SimCommand, Status, Trajectory, TrajectoryPoint, VehicleId, VehicleState, WheelState,

@@ -1,6 +1,7 @@
 //! Poses in the log as `geometry_msgs/TransformStamped`, as the VICON bridge publishes them.
 
-use super::cdr::CdrWriter;
+use city3d_protocol::cdr::CdrWriter;
+use city3d_protocol::ros2::{Pose, Stamp, write_transform};
 use city3d_protocol::wire::{Measurement, VICON_WORLD, vicon_frame};
 
 /// Name of the ROS 2 type of transforms.
@@ -38,11 +39,7 @@ float64 w 1
 /// The message of a vehicle's pose: laboratory metres, simulated time.
 pub fn encode_transform(name: &str, pose: &Measurement, nanoseconds: u64, buffer: Vec<u8>) -> Vec<u8> {
     let mut cdr = CdrWriter::reusing(buffer);
-    cdr.u32((nanoseconds / 1_000_000_000) as u32);
-    cdr.u32((nanoseconds % 1_000_000_000) as u32);
-    cdr.string(VICON_WORLD);
-    cdr.string(&vicon_frame(name));
-    let numbers = pose.position.to_array().into_iter().chain(pose.orientation.to_array());
-    numbers.for_each(|number| cdr.f64(number));
+    let stamp = Stamp::from_nanoseconds(nanoseconds);
+    write_transform(&mut cdr, (stamp, VICON_WORLD), &vicon_frame(name), &Pose::of(pose));
     cdr.into_bytes()
 }

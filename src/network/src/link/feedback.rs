@@ -4,7 +4,7 @@
 //! 1989): the city is asked for its time, and its answer is taken to be from the middle of the round trip. The sample
 //! with the shortest round trip counts until it has aged.
 
-use super::vicon::{EPOCH_S, Vicon, wall_s};
+use super::exchange::{EPOCH_S, PoseExchange, wall_s};
 use super::{Client, ClientEvent};
 use city3d_protocol::snapshot::{Status, VehicleId};
 use city3d_protocol::wire::{
@@ -67,7 +67,7 @@ impl ClockSample {
 /// Receives poses from VICON and the clock from the city, and joins them into pose datagrams.
 #[derive(Debug)]
 pub struct ViconFeedback {
-    vicon: Vicon,
+    vicon: Box<dyn PoseExchange>,
     /// Number of vehicles that VICON tracks.
     vehicles: usize,
     ticks_per_control: u64,
@@ -88,7 +88,7 @@ pub struct ViconFeedback {
 impl ViconFeedback {
     /// Feedback of so many tracked vehicles, before the first pose.
     /// A control step has `ticks_per_control` ticks.
-    pub fn new(vicon: Vicon, vehicles: usize, ticks_per_control: u64) -> Self {
+    pub fn new(vicon: Box<dyn PoseExchange>, vehicles: usize, ticks_per_control: u64) -> Self {
         Self {
             vicon,
             vehicles,
@@ -214,10 +214,34 @@ impl ViconFeedback {
 
 #[cfg(test)]
 mod tests {
-    use super::super::vicon::{RosTransport, ViconOptions};
+    use super::super::exchange::{AheadLog, ExchangeCounters, PictureQueue, ReceivedPose, Subject};
     use super::*;
-    use crate::ros::NodeOptions;
     use glam::{DQuat, DVec3};
+    use std::sync::Arc;
+
+    /// An exchange without peers.
+    #[derive(Debug, Default)]
+    struct Silence(AheadLog);
+
+    impl PoseExchange for Silence {
+        fn publish(&mut self, _: f64, _: &Arc<Vec<Subject>>, _: Vec<Measurement>) {}
+
+        fn receive(&self, _: Duration) -> Option<ReceivedPose> {
+            None
+        }
+
+        fn drop_ahead(&mut self, vehicle: VehicleId, ahead_s: f64) {
+            self.0.note(vehicle, ahead_s);
+        }
+
+        fn counters(&self) -> ExchangeCounters {
+            ExchangeCounters { ahead: self.0.count(), ..ExchangeCounters::default() }
+        }
+
+        fn pictures(&self) -> Arc<dyn PictureQueue> {
+            unreachable!("it has no cameras")
+        }
+    }
 
     fn sample(phase: ExperimentPhase, time_s: f64, wall_s: f64, round_trip_s: f64) -> ClockSample {
         let clock = CityClock {
@@ -250,12 +274,7 @@ mod tests {
 
     #[test]
     fn a_stamp_ahead_of_the_clock_ends_no_experiment() {
-        let master = "http://127.0.0.1:9".parse().unwrap();
-        let node = NodeOptions { name: "/test".to_owned(), master, bind: None };
-        let transport = RosTransport::Node(node);
-        let options =
-            ViconOptions { transport, has_clock: false, subscribed: Vec::new(), cameras: Vec::new() };
-        let mut feedback = ViconFeedback::new(Vicon::start(options).unwrap(), 1, 10);
+        let mut feedback = ViconFeedback::new(Box::new(Silence::default()), 1, 10);
         let (now_s, vehicle) = (wall_s(), VehicleId(1));
         feedback.sample = Some(sample(ExperimentPhase::Running, 3.0, now_s, 0.001));
         let mut add = |stamp_s: f64| {

@@ -8,7 +8,7 @@ mod challenge_tests;
 mod challenges;
 mod client;
 mod echo;
-#[cfg(feature = "ros")]
+pub mod exchange;
 pub mod feedback;
 mod inbound_filter;
 mod key;

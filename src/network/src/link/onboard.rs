@@ -1,60 +1,17 @@
 //! Publishes onboard pictures over ROS: `CompressedImage`, `CameraInfo` and `/tf` for each camera.
 
+use super::exchange::{OnboardCamera, OnboardPicture, PictureForm, PictureQueue};
 use crate::ros::{
     CameraInfo, CompressedImage, Header, Quaternion, TfMessage, Time, Topics, Transform, TransformStamped,
     Vector3,
 };
 use city3d_protocol::wire::VICON_WORLD;
-use glam::{DQuat, DVec3};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use tokio::sync::broadcast;
 
 /// Bounded queue to the thread of ROS: pictures that wait; the oldest are dropped (load shedding).
 const CAPACITY: usize = 32;
-
-/// Names of an onboard camera and of its vehicle.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct OnboardCamera {
-    /// Name of the vehicle, the first part of the topics.
-    pub vehicle: String,
-    /// Name of the camera, the second part of the topics.
-    pub camera: String,
-}
-
-impl OnboardCamera {
-    fn image_topic(&self) -> String {
-        format!("/{}/{}/image/compressed", self.vehicle, self.camera)
-    }
-
-    fn info_topic(&self) -> String {
-        format!("/{}/{}/camera_info", self.vehicle, self.camera)
-    }
-
-    /// Camera axes: x right, y down, z forward.
-    fn frame(&self) -> String {
-        format!("{}/{}", self.vehicle, self.camera)
-    }
-}
-
-/// A picture with the intrinsics and extrinsics of its camera.
-#[derive(Clone, Debug)]
-pub struct OnboardPicture {
-    /// Index of the camera.
-    pub camera: usize,
-    /// When it was taken: seconds since the epoch, or of simulated time.
-    pub stamp_s: f64,
-    /// The picture as a PNG file.
-    pub png: Vec<u8>,
-    /// Width and height, pixels.
-    pub extent: [u32; 2],
-    /// Focal lengths and principal point, pixels.
-    pub pinhole: [f64; 4],
-    /// Laboratory metres.
-    pub position: DVec3,
-    /// World from camera.
-    pub orientation: DQuat,
-}
 
 #[derive(Debug, Default)]
 pub(super) struct PictureCounters {
@@ -70,24 +27,24 @@ pub struct PictureSender {
     wanted: Arc<[AtomicBool]>,
 }
 
-impl PictureSender {
-    /// Queues a picture; a full queue drops the oldest one.
-    /// Once the thread of ROS has ended, the picture itself is dropped.
-    pub fn send(&self, picture: OnboardPicture) {
+impl PictureQueue for PictureSender {
+    fn send(&self, picture: OnboardPicture) {
         if self.pictures.send(Arc::new(picture)).is_err() {
             self.counts.dropped.fetch_add(1, Ordering::Relaxed);
         }
     }
 
-    /// Flags of the cameras whose pictures have subscribers.
-    pub fn wanted(&self) -> Arc<[AtomicBool]> {
+    fn wanted(&self) -> Arc<[AtomicBool]> {
         Arc::clone(&self.wanted)
     }
 
-    /// Numbers of published and of dropped pictures.
-    pub fn counters(&self) -> (u64, u64) {
+    fn counters(&self) -> (u64, u64) {
         let of = |count: &AtomicU64| count.load(Ordering::Relaxed);
         (of(&self.counts.published), of(&self.counts.dropped))
+    }
+
+    fn form(&self) -> PictureForm {
+        PictureForm::Png
     }
 }
 
@@ -154,7 +111,7 @@ impl PictureTopics {
         topics.publish(&camera.image_topic(), || CompressedImage {
             header: header(),
             format: "png".to_owned(),
-            data: picture.png.clone(),
+            data: picture.bytes.clone(),
         });
         let info = || CameraInfo::pinhole(header(), picture.extent, picture.pinhole);
         topics.publish(&camera.info_topic(), info);

@@ -1,38 +1,29 @@
 //! Publishes and subscribes poses over ROS as VICON's bridge (`vicon_bridge`) does: `TransformStamped` and `/tf`.
 
-use super::onboard::{OnboardCamera, PictureSender, PictureTopics, pictures};
+use super::exchange::{
+    AheadLog, ExchangeCounters, OnboardCamera, PictureQueue, PoseExchange, PoseQueue, ReceivedPose, Subject,
+    measured,
+};
+use super::onboard::{PictureSender, PictureTopics, pictures};
 use crate::ros::{BridgeOptions, run_bridge};
 use crate::ros::{
     ClockMessage, Header, NodeOptions, NodeThread, Quaternion, RosError, TfMessage, Time, Topics, Transform,
     TransformStamped, Vector3, run,
 };
 use city3d_protocol::snapshot::VehicleId;
-use city3d_protocol::wire::{MAX_COORDINATE_M, Measurement, UNIT_NORM, VICON_WORLD, vicon_frame};
+use city3d_protocol::wire::{Measurement, VICON_WORLD, vicon_frame};
 use glam::{DQuat, DVec3};
-use std::collections::{BTreeSet, VecDeque};
+use std::collections::BTreeSet;
+use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
-use std::sync::{Arc, Condvar, Mutex, PoisonError};
-use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
+use std::time::Duration;
 use tokio::sync::broadcast::error::RecvError;
 use tokio::sync::broadcast::{self, Receiver};
 
 /// Bounded queue to the thread of ROS: instants that wait; the oldest are dropped (load shedding).
 const FRAME_CAPACITY: usize = 64;
-/// Bounded queue of received poses; the oldest are dropped (load shedding).
-const POSE_CAPACITY: usize = 4096;
-/// Dropped poses are logged no more often than this.
-const LOG_INTERVAL: Duration = Duration::from_secs(5);
 pub(super) const TF: &str = "/tf";
 const CLOCK: &str = "/clock";
-
-/// Subject of VICON: a tracked vehicle by its name.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Subject {
-    /// Number of the vehicle in the city.
-    pub vehicle: VehicleId,
-    /// Name of the vehicle, of which the frame and the topic are made.
-    pub name: String,
-}
 
 /// How topics are transported: as a ROS 1 node, or through rosbridge.
 #[derive(Clone, Debug)]
@@ -56,15 +47,6 @@ pub struct ViconOptions {
     pub cameras: Vec<OnboardCamera>,
 }
 
-/// A pose received over ROS. Its stamp is as it was sent: seconds since the epoch, or of simulated time.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct ReceivedPose {
-    /// Sequence number in the header; 0 where the message has none, as in ROS 2.
-    pub seq: u32,
-    /// Pose of the vehicle, laboratory metres.
-    pub pose: Measurement,
-}
-
 /// Poses of all subjects at one instant.
 #[derive(Clone, Debug)]
 struct PoseFrame {
@@ -83,42 +65,7 @@ struct PoseFrame {
 struct PoseCounters {
     published: AtomicU64,
     dropped: AtomicU64,
-    received: AtomicU64,
-    overwritten: AtomicU64,
     invalid: AtomicU64,
-    ahead: AtomicU64,
-}
-
-/// Counters of the poses over ROS.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct ViconCounters {
-    /// Instants that were published.
-    pub published: u64,
-    /// Instants that were dropped because ROS fell behind.
-    pub dropped: u64,
-    /// Messages that were dropped because their subscriber was too slow.
-    pub slow: u64,
-    /// Subscribers that are connected now; 0 over rosbridge, which does not report them.
-    pub subscribers: u64,
-    /// Whether the topics are registered now, and how often the connection was lost and restored.
-    pub is_registered: bool,
-    /// How often the connection was lost and restored.
-    pub returns: u64,
-    /// Received poses of vehicles on the floor.
-    pub received: u64,
-    /// Of them, those that the full queue has dropped.
-    pub overwritten: u64,
-    /// Messages that hold no pose on the floor: a number is not finite, far away, or the quaternion is no rotation.
-    pub invalid: u64,
-    /// Received poses with stamps later than now.
-    pub ahead: u64,
-}
-
-/// Bounded queue of received poses.
-#[derive(Debug, Default)]
-struct PoseQueue {
-    poses: Mutex<VecDeque<ReceivedPose>>,
-    changed: Condvar,
 }
 
 /// Publisher and subscriber of poses, on a thread of its own. It unregisters its topics when it is dropped.
@@ -131,8 +78,7 @@ pub struct Vicon {
     seq: u32,
     stamp: Option<Time>,
     thread: NodeThread,
-    /// When a pose with a later stamp was last logged.
-    ahead_logged: Option<Instant>,
+    ahead: AheadLog,
 }
 
 impl Vicon {
@@ -165,13 +111,13 @@ impl Vicon {
             seq: 0,
             stamp: None,
             thread,
-            ahead_logged: None,
+            ahead: AheadLog::default(),
         })
     }
+}
 
-    /// Queues the poses of an instant without blocking. Subjects without a pose are not visible then. The stamp counts
-    /// from the epoch or, for simulated time, from its start.
-    pub fn publish(&mut self, stamp_s: f64, subjects: &Arc<Vec<Subject>>, poses: Vec<Measurement>) {
+impl PoseExchange for Vicon {
+    fn publish(&mut self, stamp_s: f64, subjects: &Arc<Vec<Subject>>, poses: Vec<Measurement>) {
         let stamp = Time::from_seconds(stamp_s);
         self.seq = self.seq.wrapping_add(1);
         let is_later = self.stamp.replace(stamp) != Some(stamp);
@@ -181,53 +127,34 @@ impl Vicon {
         }
     }
 
-    /// The queue for pictures of the cameras.
-    pub fn pictures(&self) -> PictureSender {
-        self.pictures.clone()
+    fn receive(&self, wait: Duration) -> Option<ReceivedPose> {
+        self.queue.pop(wait)
     }
 
-    /// Takes the next received pose, and waits for it at most this long.
-    pub fn receive(&self, wait: Duration) -> Option<ReceivedPose> {
-        let until = Instant::now() + wait;
-        let mut poses = self.queue.poses.lock().unwrap_or_else(PoisonError::into_inner);
-        loop {
-            if let Some(pose) = poses.pop_front() {
-                return Some(pose);
-            }
-            let left = until.checked_duration_since(Instant::now()).filter(|left| !left.is_zero())?;
-            let waited = self.queue.changed.wait_timeout(poses, left);
-            poses = waited.unwrap_or_else(PoisonError::into_inner).0;
-        }
+    fn drop_ahead(&mut self, vehicle: VehicleId, ahead_s: f64) {
+        self.ahead.note(vehicle, ahead_s);
     }
 
-    /// The counters since the start, and the present state of the connection.
-    pub fn counters(&self) -> ViconCounters {
+    fn counters(&self) -> ExchangeCounters {
         let (counts, status) = (&self.counts, &self.thread.status);
         let of = |count: &AtomicU64| count.load(Ordering::Relaxed);
-        ViconCounters {
+        let (received, overwritten) = self.queue.counters();
+        ExchangeCounters {
             published: of(&counts.published),
             dropped: of(&counts.dropped),
             slow: of(&status.slow),
             subscribers: of(&status.subscribers),
             is_registered: status.is_registered.load(Ordering::Relaxed),
             returns: of(&status.returns),
-            received: of(&counts.received),
-            overwritten: of(&counts.overwritten),
+            received,
+            overwritten,
             invalid: of(&counts.invalid),
-            ahead: of(&counts.ahead),
+            ahead: self.ahead.count(),
         }
     }
 
-    /// Counts a received pose that its receiver drops, because its stamp is this much later than now.
-    pub fn drop_ahead(&mut self, vehicle: VehicleId, ahead_s: f64) {
-        let count = self.counts.ahead.fetch_add(1, Ordering::Relaxed) + 1;
-        if self.ahead_logged.is_none_or(|at| at.elapsed() >= LOG_INTERVAL) {
-            self.ahead_logged = Some(Instant::now());
-            tracing::warn!(
-                "a pose of vehicle {vehicle} is dropped, {ahead_s:.1} s ahead of this machine's clock ({count} so far): \
-                 synchronise the clocks, as by NTP"
-            );
-        }
+    fn pictures(&self) -> Arc<dyn PictureQueue> {
+        Arc::new(self.pictures.clone())
     }
 }
 
@@ -236,14 +163,6 @@ impl Drop for Vicon {
         self.frames = None;
         self.thread.join();
     }
-}
-
-/// Stamps below are simulated seconds, those above seconds since the epoch.
-pub const EPOCH_S: f64 = 1e8;
-
-/// Seconds since the epoch.
-pub fn wall_s() -> f64 {
-    SystemTime::now().duration_since(UNIX_EPOCH).map_or(0.0, |since| since.as_secs_f64())
 }
 
 fn topic(name: &str) -> String {
@@ -353,34 +272,22 @@ fn subscribe_poses(
             counts.invalid.fetch_add(1, Ordering::Relaxed);
             return tracing::debug!("{}: an invalid pose is dropped", subject.name);
         };
-        counts.received.fetch_add(1, Ordering::Relaxed);
-        let mut poses = queue.poses.lock().unwrap_or_else(PoisonError::into_inner);
-        if poses.len() >= POSE_CAPACITY {
-            poses.pop_front();
-            counts.overwritten.fetch_add(1, Ordering::Relaxed);
-        }
-        poses.push_back(received);
-        queue.changed.notify_one();
+        queue.push(received);
     });
 }
 
-/// Validates a pose: `None` unless it is finite, within the laboratory and has a unit quaternion.
+/// The pose of a message; `None` where it is none on the floor.
 fn received_pose(vehicle: VehicleId, message: &TransformStamped) -> Option<ReceivedPose> {
     let Transform { translation: p, rotation: q } = message.transform;
-    let position = DVec3::new(p.x, p.y, p.z);
-    let orientation = DQuat::from_xyzw(q.x, q.y, q.z, q.w);
-    // NaN fails the second and third comparison.
-    let is_valid = position.abs().max_element() <= MAX_COORDINATE_M
-        && !position.is_nan()
-        && UNIT_NORM.contains(&orientation.length());
-    let stamp_s = message.header.stamp.seconds();
-    let pose = Measurement { vehicle, stamp_s, position, orientation: orientation / orientation.length() };
-    is_valid.then_some(ReceivedPose { seq: message.header.seq, pose })
+    let (position, orientation) = (DVec3::new(p.x, p.y, p.z), DQuat::from_xyzw(q.x, q.y, q.z, q.w));
+    let pose = measured(vehicle, message.header.stamp.seconds(), position, orientation)?;
+    Some(ReceivedPose { seq: message.header.seq, pose })
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::time::Instant;
 
     fn options(has_clock: bool) -> ViconOptions {
         // Nobody listens on the discard port of this machine.
@@ -407,23 +314,5 @@ mod tests {
             std::thread::sleep(Duration::from_millis(1));
         }
         assert!(!vicon.counters().is_registered);
-    }
-
-    #[test]
-    fn only_poses_on_the_floor_are_received() {
-        let rotation = Quaternion { x: 0.0, y: 0.0, z: 0.0, w: 1.0 };
-        let good = TransformStamped {
-            transform: Transform { translation: Vector3 { x: 1.0, y: 2.0, z: 0.0 }, rotation },
-            ..TransformStamped::default()
-        };
-        let hear = |message: &TransformStamped| {
-            received_pose(VehicleId(3), message).map(|received| received.pose.position)
-        };
-        assert_eq!(hear(&good), Some(DVec3::new(1.0, 2.0, 0.0)));
-        for (x, w) in [(f64::NAN, 1.0), (1e6, 1.0), (1.0, 0.0), (1.0, f64::NAN), (f64::INFINITY, 1.0)] {
-            let mut bad = good.clone();
-            (bad.transform.translation.x, bad.transform.rotation.w) = (x, w);
-            assert_eq!(hear(&bad), None, "{x} {w}");
-        }
     }
 }

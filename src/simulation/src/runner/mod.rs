@@ -19,7 +19,9 @@ pub use observed::{ObservedCity, ObservedMotion};
 pub use observer::{LaneUse, Observer, VehicleTotals};
 pub use outcome::{MergingStreams, RunMetrics, TrafficMetrics};
 pub use poses::pose_bodies;
-pub use server_world::{AppliedBody, MOTION_CAPTURE, OPERATOR, SenderNumber, ServerRules, ServerWorld};
+pub use server_world::{
+    AppliedBody, MOTION_CAPTURE, OPERATOR, SenderNumber, ServerRules, ServerWorld, TOPICS,
+};
 pub use summary::{
     ArrivalSummary, EndSummary, LinkSummary, PicturesSummary, RosSummary, Summary, VehicleSummary,
 };

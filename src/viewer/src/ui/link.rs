@@ -93,6 +93,7 @@ fn name(end: &str) -> &str {
     match end {
         "udp" => "Poses over UDP",
         "ros" => "ROS",
+        "ros2" => "ROS 2",
         "pictures" => "Onboard pictures",
         "files" => "Log",
         other => other,

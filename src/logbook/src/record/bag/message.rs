@@ -1,6 +1,6 @@
 //! Pose messages of ROS bags. ROS 1 serialization and ROS 2 CDR differ only in alignment and the `seq` field.
 
-use super::super::cdr::CdrReader;
+use city3d_protocol::cdr::CdrReader;
 use glam::{DQuat, DVec3};
 
 /// A pose in a bag, named by its frame or topic.

@@ -4,12 +4,12 @@ mod message;
 mod ros1;
 
 use super::RecordError;
-use super::cdr::CdrReader;
 use super::input::{FileKind, file_kind};
 use super::poses::RecordedPose;
 use super::reader::each_message;
 use city3d_geometry::lab::Pose2;
 use city3d_geometry::trig;
+use city3d_protocol::cdr::CdrReader;
 use city3d_protocol::snapshot::VehicleId;
 use glam::DVec3;
 use message::{BagPose, Ros1Reader, poses_of};

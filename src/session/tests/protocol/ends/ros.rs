@@ -1,7 +1,7 @@
 //! ROS whose master is away, comes, and goes; and a subscriber that stops reading, is gone, and comes back.
 
 use super::{Stage, passes};
-use city3d_network::link::vicon::{RosTransport, ViconOptions};
+use city3d_network::link::vicon::{RosTransport, Vicon, ViconOptions};
 use city3d_network::ros::NodeOptions;
 use city3d_session::ros::RosNode;
 use std::io::{Read, Write};
@@ -18,8 +18,8 @@ fn node_under(master: SocketAddr) -> RosNode {
     let master = format!("http://{master}").parse().unwrap();
     let node = NodeOptions { name: "/city3d_alone".to_owned(), master, bind: None };
     let transport = RosTransport::Node(node);
-    RosNode::start(ViconOptions { transport, has_clock: true, subscribed: Vec::new(), cameras: Vec::new() })
-        .unwrap()
+    let options = ViconOptions { transport, has_clock: true, subscribed: Vec::new(), cameras: Vec::new() };
+    RosNode::new(Box::new(Vicon::start(options).unwrap()), "ros", true)
 }
 
 #[test]

@@ -35,6 +35,9 @@ pub const MOTION_CAPTURE: SenderNumber = 0;
 /// Number that stands for the person at the city's own window.
 pub const OPERATOR: SenderNumber = SenderNumber::MAX;
 
+/// Number that stands for a control framework whose trajectories come by topics, such as over ROS 2.
+pub const TOPICS: SenderNumber = SenderNumber::MAX - 1;
+
 /// Permissions of senders.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct ServerRules {
@@ -47,7 +50,7 @@ pub struct ServerRules {
 /// A body that a tick has applied, with its sender, as a log keeps it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct AppliedBody {
-    /// [`MOTION_CAPTURE`] for measured poses, [`OPERATOR`] for the city's own window.
+    /// [`MOTION_CAPTURE`] for measured poses, [`OPERATOR`] for the city's own window, [`TOPICS`] for topics.
     pub sender: SenderNumber,
     /// As it was carried out: a setup may have been moved back to free space.
     pub body: Body,

@@ -100,7 +100,12 @@ pub struct CdrReader<'a> {
 impl<'a> CdrReader<'a> {
     /// Begins after the encapsulation header, which must be that of [`CdrWriter`].
     pub fn new(bytes: &'a [u8]) -> Option<Self> {
-        Some(Self { bytes: bytes.strip_prefix(&HEADER)?, at: 0 })
+        Some(Self::of_body(bytes.strip_prefix(&HEADER)?))
+    }
+
+    /// Begins at the first byte behind the encapsulation header.
+    pub fn of_body(bytes: &'a [u8]) -> Self {
+        Self { bytes, at: 0 }
     }
 
     fn take<const N: usize>(&mut self) -> Option<[u8; N]> {
