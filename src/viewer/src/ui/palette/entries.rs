@@ -1,5 +1,6 @@
 //! What the palette lists: the actions of the registry, and choices that only the city's state knows.
 
+use super::synonyms;
 use crate::ui::bar::{SPEEDS, speed_label};
 use crate::ui::commands::{self, Availability, Command, CommandContext, KeyMap};
 use crate::ui::events::named;
@@ -65,7 +66,7 @@ pub(super) fn matching(words: &str, state: &UiState, shown: &ViewModel<'_>) -> V
         .chain(choices)
         .filter(|entry| {
             let text = format!("{} {}", entry.name, entry.known_as).to_lowercase();
-            words.split_whitespace().all(|word| text.contains(word))
+            words.split_whitespace().all(|word| text.contains(word) || synonyms::means(word, &text))
         })
         .filter(|entry| entry.availability != Availability::Never)
         .collect();
