@@ -15,7 +15,7 @@ const OFF_ROAD_M: f64 = 1.5;
 /// It is back where its middle is nearer than this.
 const ON_ROAD_M: f64 = 0.3;
 /// A vehicle is looked at again once it has gone this far, city metres.
-const STRIDE_M: f64 = 0.25;
+const STRIDE_M: f64 = 0.1;
 
 /// Watches a run, snapshot by snapshot.
 #[derive(Debug)]

@@ -134,7 +134,7 @@ fn the_palette_finds_actions_by_the_words_that_others_use() {
         ("plot", "Charts of several vehicles"),
         ("folder", "Open a scenario, a map or a log"),
         ("mph", "Speeds in km/h"),
-        ("brightness", "Switch the high-contrast theme on or off"),
+        ("brightness", "Switch between dark and light theme"),
         ("sunset", "Time of day: morning"),
         ("snapshot", "Save a screenshot"),
         ("font", "Larger interface"),

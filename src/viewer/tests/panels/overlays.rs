@@ -291,7 +291,7 @@ fn the_legend_folds_to_its_title_and_by_itself_covers_no_more_than_half_of_a_sma
     click(&mut harness, "\u{23f5} Legend (7)");
     assert!(has_text(&harness, "conflict zone: merge"));
     harness.state_mut().state.layers.is_legend_open = None;
-    harness.set_size(egui::vec2(800.0, 420.0));
+    harness.set_size(egui::vec2(640.0, 400.0));
     harness.run_steps(4);
     assert!(!has_text(&harness, "conflict zone: merge"), "there is no room");
     click(&mut harness, "\u{23f5} Legend (7)");
