@@ -91,7 +91,7 @@ fn loading(ui: &mut Ui, shown: &ViewModel<'_>) {
 }
 
 /// A place of fixed width, so that its neighbours do not move.
-fn cell(ui: &mut Ui, width: f32, content: impl FnOnce(&mut Ui)) {
+pub(super) fn cell(ui: &mut Ui, width: f32, content: impl FnOnce(&mut Ui)) {
     let size = egui::vec2(width, ui.spacing().interact_size.y);
     ui.allocate_ui_with_layout(size, egui::Layout::left_to_right(egui::Align::Center), |ui| {
         ui.set_min_width(width);

@@ -2,8 +2,8 @@
 
 use super::theme::SpeedUnit;
 use super::{
-    PictureRequest, PictureSlot, UiAction, UiState, ViewModel, commands, events, inspector, picture_legend,
-    plans, status, theme,
+    PictureRequest, PictureSlot, UiAction, UiState, ViewModel, bar, commands, events, inspector,
+    picture_legend, plans, status, theme,
 };
 use city3d_geometry::{KMH_PER_MPS, LengthScale, trig};
 use city3d_protocol::snapshot::{FrameSnapshot, Status, VehicleId, VehicleInfo, VehicleState};
@@ -229,32 +229,7 @@ fn show(
     picture(ui, (preview, layout.aspect), shown, state);
     ui.horizontal_wrapped(|ui| {
         ui.spacing_mut().item_spacing.x = 4.0;
-        let cameras = shown.cameras_of(preview.vehicle);
-        ComboBox::from_id_salt("eye")
-            .selected_text(preview.label(cameras))
-            .width(PICKER)
-            .truncate()
-            // All of it at once: a list that ends early hides kinds.
-            .height(400.0)
-            .show_ui(ui, |ui| {
-                for (eye, label) in PreviewCamera::ALL {
-                    ui.selectable_value(&mut preview.eye, eye, label);
-                }
-                if !cameras.is_empty() {
-                    ui.separator();
-                }
-                for place in 0..cameras.len() {
-                    let own = PreviewCamera::Own(place);
-                    ui.selectable_value(&mut preview.eye, own, own.label(cameras))
-                        .on_hover_text("A camera that the scenario gives this vehicle");
-                }
-                ui.separator();
-                for (kind, name) in KINDS {
-                    ui.selectable_value(&mut preview.kind, kind, name);
-                }
-            })
-            .response
-            .on_hover_text("Where the picture is taken from, and what it shows");
+        bar::cell(ui, PICKER, |ui| picker(ui, preview, shown.cameras_of(preview.vehicle)));
         if shown.replay.is_none() {
             drive_button(ui, (preview.vehicle, shown), state, actions);
         }
@@ -266,6 +241,35 @@ fn show(
     }
     plots(ui, (shown, state.preferences.units), vehicle, layout);
     is_kept
+}
+
+/// The list of cameras and kinds of pictures.
+fn picker(ui: &mut Ui, preview: &mut Preview, cameras: &[ScenarioCamera]) {
+    let list = ComboBox::from_id_salt("eye")
+        .selected_text(preview.label(cameras))
+        .width(PICKER)
+        .truncate()
+        // All of it at once: a list that ends early hides kinds.
+        .height(400.0);
+    let list = list.show_ui(ui, |ui| {
+        for (eye, label) in PreviewCamera::ALL {
+            ui.selectable_value(&mut preview.eye, eye, label);
+        }
+        if !cameras.is_empty() {
+            ui.separator();
+        }
+        for place in 0..cameras.len() {
+            let own = PreviewCamera::Own(place);
+            ui.selectable_value(&mut preview.eye, own, own.label(cameras))
+                .on_hover_text("A camera that the scenario gives this vehicle");
+        }
+        ui.separator();
+        for (kind, name) in KINDS {
+            ui.selectable_value(&mut preview.kind, kind, name);
+        }
+    });
+    let tip = format!("Where the picture is taken from, and what it shows: {}", preview.label(cameras));
+    list.response.on_hover_text(tip);
 }
 
 /// Which vehicle it is, and its status.
@@ -328,9 +332,9 @@ fn picture(ui: &mut Ui, (preview, aspect): (&Preview, f32), shown: &ViewModel<'_
 }
 
 /// Width of the list of cameras and kinds, so that nothing below moves, points.
-const PICKER: f32 = 94.0;
+const PICKER: f32 = 92.0;
 /// Width of the widest speed with its gear, points.
-const SPEED_WIDTH: f32 = 100.0;
+const SPEED_WIDTH: f32 = 96.0;
 
 fn speed(ui: &mut Ui, vehicle: &VehicleState, (units, scale): (SpeedUnit, LengthScale)) {
     let gear = if vehicle.reverse { "  R" } else { "" };

@@ -216,7 +216,8 @@ fn what_is_grave_is_counted_and_shown_where_and_when_it_happened() {
     let said = announcement(&names, &[lost], usual).unwrap();
     assert_eq!(said, "2.45 s: 5 car5, link lost (G shows it)");
     let left = mark(2.5, 1, Occurrence::LeftRoad);
-    let said = announcement(&names, &[left.clone()], (&keys, DecimalSeparator::Point, true)).unwrap();
+    let said =
+        announcement(&names, std::slice::from_ref(&left), (&keys, DecimalSeparator::Point, true)).unwrap();
     assert_eq!(said, "2.50 s: 1 car1, left the road", "no key shows the past to who drives");
     harness.state_mut().events.push(left);
     harness.run_steps(2);

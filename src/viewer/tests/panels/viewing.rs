@@ -53,11 +53,15 @@ fn a_preview_shows_depth_classes_and_instances() {
     let kind = |harness: &Harness<'static, Desk>| picture(harness, PictureSlot::Preview(VehicleId(1))).kind;
     assert_eq!(kind(&harness), PictureKind::Rgb);
     let mut shown = "windscreen".to_owned();
+    let mut below_at = None;
     for (name, wanted) in [
         ("depth", PictureKind::Depth),
         ("semantic classes", PictureKind::Semantic),
         ("instances", PictureKind::Instance),
     ] {
+        let below = harness.get_by_label("Gas 0.00").rect();
+        assert!(below_at.is_none_or(|before| before == below), "a longer name moves nothing");
+        below_at = Some(below);
         harness.get_by_value(&shown).click();
         harness.run_steps(4);
         harness.get_by_label(name).click();
