@@ -68,6 +68,14 @@ impl Drop for Display {
     }
 }
 
+/// The files with an ending in a folder and those below it: what is made of a run is beside its log.
+pub fn files_with(folder: &Path, ending: &str) -> BTreeSet<PathBuf> {
+    let inside = std::fs::read_dir(folder).into_iter().flatten().flatten().map(|entry| entry.path());
+    let (folders, mut files): (Vec<PathBuf>, Vec<PathBuf>) = inside.partition(|path| path.is_dir());
+    files.retain(|path| path.extension().is_some_and(|e| e == ending));
+    folders.iter().flat_map(|folder| files_with(folder, ending)).chain(files).collect()
+}
+
 /// The program with its window on a display.
 pub struct Program<'a> {
     display: &'a Display,
@@ -162,10 +170,7 @@ impl<'a> Program<'a> {
 
     /// Takes a screenshot with F12: the stem of its name, and what it shows.
     fn render_offscreen(&self) -> (String, image::RgbImage) {
-        let pictures = || -> BTreeSet<PathBuf> {
-            let files = std::fs::read_dir(&self.folder).unwrap().map(|entry| entry.unwrap().path());
-            files.filter(|path| path.extension().is_some_and(|e| e == "png")).collect()
-        };
+        let pictures = || files_with(&self.folder, "png");
         for path in pictures() {
             std::fs::remove_file(path).unwrap();
         }
@@ -544,10 +549,9 @@ fn a_recorded_run_is_played_both_ways_scrubbed_and_searched() {
     let folder = tempfile::tempdir().unwrap();
     let run = record(folder.path(), "20");
     let files = || -> Vec<(PathBuf, Vec<u8>)> {
-        let files = std::fs::read_dir(&run).unwrap().map(|entry| entry.unwrap().path());
-        let mut files: Vec<_> = files.map(|path| (path.clone(), std::fs::read(path).unwrap())).collect();
-        files.sort();
-        files
+        // Screenshots lie beside the log.
+        let files = ["mcap", "json", "csv"].iter().flat_map(|ending| files_with(&run, ending));
+        files.map(|path| (path.clone(), std::fs::read(path).unwrap())).collect()
     };
     let before = files();
     let arguments = ["replay", run.to_str().unwrap(), "--fresh", "--size", "1280x720", "--at", "1.2"];

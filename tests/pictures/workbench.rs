@@ -2,7 +2,7 @@
 //! looked at, recorded and compared. At 1280 by 720 points, on a usual screen and on one with twice the pixels.
 
 use crate::support::link::{events, summary};
-use crate::window::{CITY3D, Display, Program, pause_ms, until};
+use crate::window::{CITY3D, Display, Program, files_with, pause_ms, until};
 use city3d_logbook::record::last_tick;
 use city3d_roadmap::dxf::{Drawing, EntityShape};
 use glam::DVec2;
@@ -169,10 +169,8 @@ fn use_bench(pixels_per_point: u32) {
     bench.key("space");
     pause_ms(10_000);
     bench.key("F9");
-    let videos = || {
-        let files = std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path());
-        files.filter(|path| path.extension().is_some_and(|end| end == "mp4")).collect::<Vec<_>>()
-    };
+    // Beside the log of the run that it shows.
+    let videos = || files_with(&bench.run(2), "mp4").into_iter().collect::<Vec<_>>();
     until("the video", || videos().len() == 1);
     let probe = ["-v", "error", "-show_entries", "format=duration", "-of", "csv=p=0"];
     let length = Command::new("ffprobe").args(probe).arg(&videos()[0]).output().unwrap();

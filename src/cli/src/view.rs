@@ -118,7 +118,7 @@ struct WindowPictureArgs {
     /// Open the panel Traffic
     #[arg(long)]
     traffic: bool,
-    /// Theme of the panels: dark or light
+    /// Theme of the panels: dark, light or high-contrast
     #[arg(long, value_name = "THEME")]
     theme: Option<Theme>,
     /// Size of texts and widgets, 0.8 to 2

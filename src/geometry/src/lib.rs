@@ -18,4 +18,4 @@ pub use frame::{City, Frame, Lab, lab};
 pub use outline::{OrientedRect, Overlap, convex_hull, point_in_polygon};
 pub use pose::Pose2;
 pub use trig::wrap_angle;
-pub use units::{Length, LengthScale};
+pub use units::{KMH_PER_MPS, Length, LengthScale};

@@ -3,6 +3,9 @@
 use serde::{Deserialize, Serialize};
 use std::str::FromStr;
 
+/// Kilometres an hour for one metre a second.
+pub const KMH_PER_MPS: f64 = 3.6;
+
 /// City metres for one laboratory metre. Time is not scaled, so speeds and accelerations carry the
 /// same factor as lengths.
 ///

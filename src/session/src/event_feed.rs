@@ -5,7 +5,8 @@ use super::decision_feed::DecisionCollector;
 use super::plan_sampler::PlanSampler;
 use super::playback::{DriverChanges, Occurrence, TimelineMark, with_priority};
 use super::{
-    DecisionFeed, HistoryFeed, Inputs, Moment, MomentKind, PoseWatch, RunTraffic, TrafficRecorder, decisions,
+    DecisionFeed, HistoryFeed, Inputs, Moment, MomentKind, PoseWatch, RoadWatch, RunTraffic, TrafficRecorder,
+    decisions,
 };
 use city3d_logbook::record::LoggedPlans;
 use city3d_protocol::snapshot::{EventKind, FrameSnapshot};
@@ -57,6 +58,7 @@ pub(super) struct EventCollector {
     traffic: Option<TrafficRecorder>,
     drivers: DriverChanges,
     watch: PoseWatch,
+    road: Option<RoadWatch>,
     /// The events of the source have its collisions.
     tells_collisions: bool,
 }
@@ -72,6 +74,7 @@ impl EventCollector {
             traffic: None,
             drivers: DriverChanges::default(),
             watch: PoseWatch::default(),
+            road: None,
             tells_collisions,
         }
     }
@@ -115,6 +118,8 @@ impl EventCollector {
         self.decisions.take(moment);
         tell_priority(&mut marks, moment);
         marks.extend(self.watch.observe(moment.snapshot, self.tells_collisions));
+        let road = self.road.get_or_insert_with(|| RoadWatch::new(moment.experiment));
+        marks.extend(road.observe(moment.snapshot));
         let (from_s, drivers) = (moment.from.1, &mut self.drivers);
         match moment.inputs {
             Inputs::None => {}

@@ -459,3 +459,33 @@ fn plans_are_told_to_who_asks_and_change_nothing() {
     until(&live, "no plans", |run_state| run_state.coordination.is_none());
     live.stop().unwrap();
 }
+
+#[test]
+fn who_leaves_the_road_is_told_while_it_runs_and_by_its_log() {
+    let folder = tempfile::tempdir().unwrap();
+    let live = support::live(roundabout(12.0), Some(folder.path()));
+    let pedals = Pedals { gas: 0.6, steering_rad: 0.25, ..Pedals::default() };
+    live.send(Order::Drive(VehicleId(3), pedals));
+    live.send(Order::Speed(Speed::Unlimited));
+    live.send(Order::Start);
+    let over = until(&live, "the end", |run_state| run_state.phase == RunPhase::Over);
+    let mut reader = EventReader::default();
+    reader.read(&over.events);
+    live.stop().unwrap();
+    let left = |marks: &[TimelineMark]| -> Vec<(VehicleId, f64)> {
+        let told = marks.iter().filter(|mark| mark.what == Occurrence::LeftRoad);
+        told.map(|mark| (mark.vehicle, mark.time_s)).collect()
+    };
+    let of_run = left(reader.marks());
+    let [(VehicleId(3), time_s)] = of_run[..] else { panic!("{of_run:?} of {:?}", reader.marks()) };
+    let mut player = Player::open(&folder.path().join("run-1/run.mcap"), Box::new(|| {})).unwrap();
+    player.show_traffic(true);
+    player.command(PlaybackCommand::Seek(12.0));
+    settle(&mut player);
+    let of_log = left(&player.info().marks);
+    // A log has fewer states than the run has steps.
+    assert!(
+        matches!(of_log[..], [(VehicleId(3), at_s)] if (at_s - time_s).abs() < 0.1),
+        "{of_log:?}, {of_run:?}"
+    );
+}

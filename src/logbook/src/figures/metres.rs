@@ -3,8 +3,7 @@
 
 use super::FigureScale;
 use super::views::FigureSet;
-
-const KMH_PER_MPS: f64 = 3.6;
+use city3d_geometry::KMH_PER_MPS;
 
 impl FigureSet<'_> {
     /// The same in these metres, which its axes and columns name.

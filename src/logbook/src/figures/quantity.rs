@@ -4,6 +4,7 @@ use super::chart::{ChartLine, Dash, Figure, LegendEntry, LineStyle, PALETTE, Pan
 use super::run::Trace;
 use super::style::distinct_styles;
 use super::table::{TidyTable, number};
+use city3d_geometry::KMH_PER_MPS;
 use city3d_roadmap::LaneId;
 use city3d_simulation::measures::SIGHT_M;
 use city3d_simulation::scenario::Experiment;
@@ -97,7 +98,7 @@ impl Quantity {
     fn unit(self, scale: FigureScale) -> (&'static str, f64) {
         let is_city = scale != FigureScale::Laboratory;
         match self {
-            Self::Speed if scale == FigureScale::City => ("km/h", 3.6),
+            Self::Speed if scale == FigureScale::City => ("km/h", KMH_PER_MPS),
             Self::Speed => ("m/s", 1.0),
             Self::Acceleration => ("m/s\u{b2}", 1.0),
             Self::LateralError if is_city => ("cm", 100.0),

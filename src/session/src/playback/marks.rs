@@ -30,6 +30,8 @@ pub enum Occurrence {
     GiveBack,
     /// It has stood for [`LONG_STOP_S`](crate::LONG_STOP_S) where it should be on its way.
     LongStop,
+    /// It has left the road, by its poses.
+    LeftRoad,
 }
 
 /// The class of an event, in rising order of severity: it sets the colour of the mark.
@@ -47,6 +49,8 @@ pub enum MarkKind {
     Person,
     /// It has stood for a long time.
     LongStop,
+    /// It has left the road.
+    LeftRoad,
     /// Its link, or the sight of it, was lost or came back.
     Link,
     /// It collided with a vehicle or a static obstacle.
@@ -59,6 +63,7 @@ impl Occurrence {
         match self {
             Self::TakeOver | Self::GiveBack => MarkKind::Person,
             Self::LongStop => MarkKind::LongStop,
+            Self::LeftRoad => MarkKind::LeftRoad,
             Self::YieldTo(_) => MarkKind::Yield,
             Self::Event(event) => match event {
                 EventKind::Collision { .. } | EventKind::CollisionStatic { .. } => MarkKind::Collision,
@@ -77,10 +82,10 @@ impl Occurrence {
         }
     }
 
-    /// Whether it is reported at once: a collision, a long stop, a lost link.
+    /// Whether it is reported at once: a collision, a long stop, a lost link, a vehicle that leaves the road.
     pub fn is_grave(&self) -> bool {
         match self {
-            Self::LongStop => true,
+            Self::LongStop | Self::LeftRoad => true,
             Self::Event(event) => event.is_collision() || *event == EventKind::LinkLost,
             Self::TakeOver | Self::GiveBack | Self::YieldTo(_) => false,
         }
@@ -92,6 +97,7 @@ impl Occurrence {
             Self::TakeOver => return "take-over".to_owned(),
             Self::GiveBack => return "given back".to_owned(),
             Self::LongStop => return format!("stopped for {LONG_STOP_S:.0} s"),
+            Self::LeftRoad => return "left the road".to_owned(),
             Self::YieldTo(other) => return format!("yield to {other}"),
             Self::Event(event) => event,
         };

@@ -8,7 +8,7 @@ use super::past_cache::PastCache;
 use super::playhead::{FrameTimer, PlaybackCommand, Playhead, SeekTarget};
 use super::prefetch::{ChunkPrefetcher, ReadRequest, ReaderMonitor, SharedState};
 use super::registry::VehicleRegistry;
-use crate::{ControlInsight, PoseWatch, RunHistory, RunPhase, RunState, Speed};
+use crate::{ControlInsight, PoseWatch, RoadWatch, RunHistory, RunPhase, RunState, Speed};
 use city3d_logbook::record::{ChunkedLog, EntryFilter, LogOrigin, LogReader};
 use city3d_simulation::scenario::Experiment;
 use std::path::Path;
@@ -107,6 +107,7 @@ impl Player {
             marker: MarkCollector::new(experiment.rates),
             traffic: LogTraffic::new(&experiment),
             measured_to_s: None,
+            road: RoadWatch::new(&experiment),
             watch: (!reader.origin().has_world()).then(PoseWatch::default),
             shared: Arc::clone(&shared),
             end_s: None,

@@ -6,7 +6,7 @@ use super::log_traffic::LogTraffic;
 use super::marks::{MarkCollector, Occurrence, TimelineMark, with_priority};
 use super::past_cache::PastCache;
 use super::registry::VehicleRegistry;
-use crate::{PoseWatch, RunTraffic};
+use crate::{PoseWatch, RoadWatch, RunTraffic};
 use city3d_logbook::record::{ChunkedLog, EntryFilter, LogEntry, LoggedDecisions, RecordError};
 use city3d_protocol::snapshot::EventKind;
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
@@ -99,6 +99,8 @@ pub(super) struct ChunkPrefetcher {
     pub(super) traffic: LogTraffic,
     /// Finds in the snapshots what a log of poses alone has no events of.
     pub(super) watch: Option<PoseWatch>,
+    /// Finds in the snapshots who leaves the road.
+    pub(super) road: RoadWatch,
     pub(super) shared: Arc<ReaderMonitor>,
     /// The time up to which the traffic was told last.
     pub(super) measured_to_s: Option<f64>,
@@ -298,6 +300,17 @@ impl ChunkPrefetcher {
         }
     }
 
+    /// Finds what the poses of a chunk tell. Long stops are found by the events of the log.
+    fn watch_poses(&mut self, chunk: usize, found: &mut Vec<TimelineMark>) {
+        let known = self.shared.lock().cache.get(chunk);
+        let Some(decoded) = known.or_else(|| self.read_chunk(chunk)) else { return };
+        for snapshot in &decoded.snapshots {
+            found.extend(self.road.observe(snapshot));
+            let marks = self.watch.as_mut().map(|watch| watch.observe(snapshot, false));
+            found.extend(marks.into_iter().flatten().filter(|mark| mark.what != Occurrence::LongStop));
+        }
+    }
+
     /// Scans the next chunk for events.
     fn search(&mut self) {
         let chunk = self.shared.lock().searched;
@@ -315,14 +328,7 @@ impl ChunkPrefetcher {
             }
             self.tell_priority(chunk, &mut found);
         }
-        if let Some(mut watch) = self.watch.take() {
-            for snapshot in self.read_chunk(chunk).iter().flat_map(|decoded| decoded.snapshots.iter()) {
-                let marks = watch.observe(snapshot, false);
-                // Long stops are found by the events of the log.
-                found.extend(marks.into_iter().filter(|mark| mark.what != Occurrence::LongStop));
-            }
-            self.watch = Some(watch);
-        }
+        self.watch_poses(chunk, &mut found);
         let mut state = self.shared.lock();
         state.searched = chunk + 1;
         if state.searched == state.readable

@@ -1,5 +1,6 @@
 //! The toolbar: controls of the run, clock, scenario, camera and quality.
 
+use super::runs::RunAgain;
 use super::timeline::TimelineView;
 use super::viewpoint::CameraMode;
 use super::{
@@ -59,9 +60,9 @@ fn replayed(
     ui.label(RichText::new(format!("Replay of {name}")).strong()).on_hover_text(tip);
     open_button(ui, state);
     if shown.runs.may_run_again
-        && ui.button("Run again").on_hover_text("Simulate its scenario again").clicked()
+        && ui.button("Run again").on_hover_text("Simulate its scenario again, with the same seed").clicked()
     {
-        actions.push(UiAction::RunAgain(None));
+        actions.push(UiAction::RunAgain(RunAgain::default()));
     }
     if ui.button("Compare").on_hover_text("Its measures beside those of another recorded run").clicked() {
         state.runs.comparison.choose();
@@ -90,7 +91,7 @@ fn loading(ui: &mut Ui, shown: &ViewModel<'_>) {
 }
 
 /// A place of fixed width, so that its neighbours do not move.
-fn cell(ui: &mut Ui, width: f32, content: impl FnOnce(&mut Ui)) {
+pub(super) fn cell(ui: &mut Ui, width: f32, content: impl FnOnce(&mut Ui)) {
     let size = egui::vec2(width, ui.spacing().interact_size.y);
     ui.allocate_ui_with_layout(size, egui::Layout::left_to_right(egui::Align::Center), |ui| {
         ui.set_min_width(width);

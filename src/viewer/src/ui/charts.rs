@@ -222,7 +222,7 @@ fn controls(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>, actions: &m
     let tip = "Laboratory metres, as city3d plot draws; else with the unit of speeds of the settings";
     ui.checkbox(&mut charts.is_lab, "laboratory units").on_hover_text(tip);
     let save = ui.add_enabled(shown.chart.figure.is_some(), egui::Button::new("Save"));
-    let save = save.on_hover_text("Write the chart as SVG, PNG and CSV into the working folder");
+    let save = save.on_hover_text("Write the chart as SVG, PNG and CSV into the folder of the run");
     if save.on_disabled_hover_text("There is no chart to write").clicked() {
         actions.push(UiAction::SaveChart);
     }
@@ -320,7 +320,7 @@ fn draw(
     egui::ScrollArea::vertical().auto_shrink(false).show(ui, |ui| {
         for (index, panel) in figure.panels.iter().enumerate() {
             let at_s = is_over_time.then_some(shown.run_state.now.time_s);
-            if let Some(time_s) = plot(ui, (index, panel), height, at_s) {
+            if let Some(time_s) = plot(ui, (figure, index, panel), height, at_s) {
                 actions.push(UiAction::PlaybackCommand(PlaybackCommand::Seek(time_s)));
             }
         }
@@ -343,13 +343,18 @@ pub(super) fn draw_over_time(ui: &mut Ui, figure: &Figure) {
     legend(ui, figure);
     for (index, panel) in figure.panels.iter().enumerate() {
         let height = (ui.available_height() - 60.0).max(80.0);
-        plot(ui, (index, panel), height, None);
+        plot(ui, (figure, index, panel), height, None);
     }
     ui.label(RichText::new(&figure.note).small().weak());
 }
 
 /// One pair of axes; returns the time of a click.
-fn plot(ui: &mut Ui, (index, panel): (usize, &Panel), height: f32, at_s: Option<f64>) -> Option<f64> {
+fn plot(
+    ui: &mut Ui,
+    (figure, index, panel): (&Figure, usize, &Panel),
+    height: f32,
+    at_s: Option<f64>,
+) -> Option<f64> {
     let context = ui.ctx().clone();
     let label = match panel.title.as_str() {
         "" => panel.y_label.clone(),
@@ -363,7 +368,7 @@ fn plot(ui: &mut Ui, (index, panel): (usize, &Panel), height: f32, at_s: Option<
         .height(height)
         .x_axis_formatter(number)
         .y_axis_formatter(number)
-        .label_formatter(hover_words(decimal))
+        .label_formatter(hover_words([&panel.x_label, &panel.y_label], decimal))
         .default_x_bounds(panel.x.0, panel.x.1)
         .default_y_bounds(panel.y.0, panel.y.1)
         .x_axis_label(panel.x_label.clone())
@@ -394,15 +399,17 @@ fn plot(ui: &mut Ui, (index, panel): (usize, &Panel), height: f32, at_s: Option<
                 false => (panel.x.0..=panel.x.1).contains(&rule.at),
             };
             if is_inside && !rule.name.is_empty() {
-                let words = RichText::new(&rule.name).size(10.0);
+                let words = RichText::new(&rule.name).size(theme::SMALL);
                 plot.text(Text::new("", at, words).anchor(anchor).color(text));
             }
         }
         for line in &panel.lines {
+            let key = figure.legend.iter().find(|key| key.stroke == line.stroke);
+            let name = key.map_or("", |key| key.name.as_str());
             let colour = on_ground(&context, line.stroke.colour);
             for piece in pieces(&line.points) {
                 let points: PlotPoints<'_> = decimated(piece, panel.x, buckets).into();
-                plot.line(Line::new("", points).color(colour).width(1.5).style(style_of(line.stroke.dash)));
+                plot.line(Line::new(name, points).color(colour).width(1.5).style(style_of(line.stroke.dash)));
             }
         }
         if let Some(at_s) = at_s {
@@ -436,11 +443,24 @@ fn style_of(dash: Dash) -> LineStyle {
     }
 }
 
-/// What a plot says of the place under the mouse.
-pub(super) fn hover_words(decimal: DecimalSeparator) -> impl Fn(&HoverPosition<'_>) -> Option<String> {
+/// What a plot says of the place under the mouse: whose line is there, and both quantities with their units. `axes` are the
+/// labels of its axes, such as `Speed [km/h]`.
+pub(super) fn hover_words(
+    axes: [&str; 2],
+    decimal: DecimalSeparator,
+) -> impl Fn(&HoverPosition<'_>) -> Option<String> + use<> {
+    let axes = axes.map(|label| label.trim_end_matches(']').to_owned());
     move |hovered| {
-        let (HoverPosition::NearDataPoint { position, .. } | HoverPosition::Elsewhere { position }) = hovered;
-        Some(format!("x = {}\ny = {}", decimal.fixed(position.x, 2), decimal.fixed(position.y, 2)))
+        let (whose, position) = match hovered {
+            HoverPosition::NearDataPoint { plot_name, position, .. } => (*plot_name, position),
+            HoverPosition::Elsewhere { position } => ("", position),
+        };
+        let quantities = axes.iter().zip([position.x, position.y]).map(|(axis, value)| {
+            let (name, unit) = axis.split_once(" [").unwrap_or((axis, ""));
+            format!("{name}: {} {unit}", decimal.fixed(value, 2)).trim_end().to_owned()
+        });
+        let lines: Vec<String> = std::iter::once(whose.to_owned()).chain(quantities).collect();
+        Some(lines.join("\n").trim_start().to_owned())
     }
 }
 
@@ -505,5 +525,15 @@ mod tests {
         charts.vehicles = vec![VehicleId(3), VehicleId(4)];
         assert_eq!(charts.shown(Some(VehicleId(9)), all()), [3, 4, 9].map(VehicleId));
         assert_eq!(charts.shown(Some(VehicleId(3)), all()), [3, 4].map(VehicleId));
+    }
+
+    #[test]
+    fn the_place_under_the_mouse_is_told_with_its_vehicle_and_units() {
+        let words = hover_words(["Time [s]", "Speed [km/h]"], DecimalSeparator::Comma);
+        let position = PlotPoint::new(12.3, 45.678);
+        let near = HoverPosition::NearDataPoint { plot_name: "3 path1_c", position, index: 7 };
+        assert_eq!(words(&near).unwrap(), "3 path1_c\nTime: 12,30 s\nSpeed: 45,68 km/h");
+        let elsewhere = HoverPosition::Elsewhere { position };
+        assert_eq!(words(&elsewhere).unwrap(), "Time: 12,30 s\nSpeed: 45,68 km/h");
     }
 }

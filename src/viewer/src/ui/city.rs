@@ -11,8 +11,9 @@ use super::{
     rulers, theme,
 };
 use city3d_protocol::snapshot::{Status, VehicleId};
+use city3d_roadmap::CityMap;
 use city3d_sensors::{BoundingBox, PictureKind};
-use city3d_session::RunPhase;
+use city3d_session::{RunPhase, is_beside_road};
 use egui::emath::GuiRounding as _;
 use egui::{Align2, Color32, FontId, PointerButton, Pos2, Rect, Response, RichText, Sense, Ui};
 use glam::DVec3;
@@ -48,7 +49,7 @@ pub fn show(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>, actions: &m
     let view = state.viewpoint.view(shown.interpolated, extent);
     state.pictures.push(PictureRequest { slot: PictureSlot::City, view, kind: PictureKind::Rgb });
     super::paint_picture(ui, rect, shown, PictureSlot::City);
-    let canvas = Canvas::new(ui, &view, rect);
+    let canvas = Canvas::new(ui, &view, rect).of(&state.viewpoint);
     let pointed = response.hover_pos();
     state.measure.point_at(pointed.and_then(|at| canvas.ground_at(at)));
     act_on_clicks(&response, &canvas, state, (shown, actions));
@@ -60,7 +61,7 @@ pub fn show(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>, actions: &m
     state.measure.paint(&canvas);
     let instruction = editing::paint(&canvas, state, shown, pointed.and_then(|at| canvas.ground_at(at)));
     rulers::paint(&canvas, state, shown, pointed);
-    legend::paint(ui, rect, state, shown);
+    legend::show(ui, rect, state, shown);
     if state.layers.map {
         map::show(ui, rect, state, shown);
     }
@@ -73,7 +74,10 @@ pub fn show(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>, actions: &m
     // Above what one reads meanwhile: speed and pedals, or what the next click does.
     let over = [dashboard, instruction].into_iter().flatten().map(|rect| rect.top());
     let bottom = over.fold(free.bottom() - PAST_SIGN, f32::min);
-    notice(ui, free.with_min_y(free.top() + below).with_max_y(bottom), state);
+    let place = free.with_min_y(free.top() + below).with_max_y(bottom);
+    // Dialogs are in the middle and reach far down: what they say must not be hidden.
+    let align = if state.runs.is_modal() { Align2::CENTER_TOP } else { Align2::CENTER_BOTTOM };
+    notice(ui, (place, align), state);
 }
 
 /// Height of the sign of the past at the lower edge, points.
@@ -188,21 +192,35 @@ fn dashboard(ui: &Ui, rect: Rect, state: &UiState, shown: &ViewModel<'_>) -> Opt
         .show(ui.ctx(), |ui| {
             egui::Frame::popup(ui.style()).show(ui, |ui| {
                 ui.vertical_centered(|ui| {
-                    ui.set_width(320.0_f32.min(rect.width() - 24.0).max(80.0));
+                    ui.set_width(350.0_f32.min(rect.width() - 24.0).max(80.0));
                     ui.label(RichText::new(speed).size(30.0).strong());
                     ui.label(format!("{gear}   {arrows}"));
                     let trouble = trouble(state, shown, vehicle.status, pedals.reverse);
-                    let left = || map::way_back(shown.map, vehicle.position.truncate());
-                    if let Some(trouble) = trouble.or_else(left) {
+                    let place = vehicle.position.truncate();
+                    let left = || map::way_back(shown.map, place);
+                    let beside = || is_beside_road(shown.map, place).then(|| OFF_ROAD.to_owned());
+                    if let Some(trouble) = trouble.or_else(left).or_else(beside) {
                         ui.label(RichText::new(trouble).strong().color(ui.visuals().warn_fg_color));
                     }
                     for line in driving_keys(&state.keys, driving.is_by_device()) {
                         ui.small(line);
                     }
+                    ui.small(solid_things(shown.map));
                 });
             });
         });
     Some(area.response.rect)
+}
+
+/// What a driver is told beside the road.
+const OFF_ROAD: &str = "Off the road: drive back onto a lane";
+
+/// What stops a car, and what it passes through.
+fn solid_things(map: &CityMap) -> &'static str {
+    match map.scenery.iter().any(|piece| piece.kind.is_solid()) {
+        true => "solid: traffic, buildings, walls, hedges; not trees, people",
+        false => "solid: traffic; not buildings, trees, people",
+    }
 }
 
 /// The keys of a driver, in the lines of the dashboard.
@@ -305,7 +323,7 @@ fn followed(ui: &Ui, rect: Rect, state: &UiState, shown: &ViewModel<'_>) {
     painter.galley(place.min + egui::vec2(swatch + 6.0, 0.0), text, Color32::WHITE);
 }
 
-fn notice(ui: &Ui, rect: Rect, state: &mut UiState) {
+fn notice(ui: &Ui, (rect, align): (Rect, Align2), state: &mut UiState) {
     let now_s = ui.input(|input| input.time);
     state.notice = state.notice.take().filter(|(_, until_s)| now_s < *until_s);
     if let Some((text, until_s)) = &state.notice {
@@ -314,9 +332,9 @@ fn notice(ui: &Ui, rect: Rect, state: &mut UiState) {
         let painter = ui.ctx().layer_painter(layer).with_clip_rect(rect);
         let galley =
             painter.layout(text.clone(), FontId::proportional(14.0), Color32::WHITE, rect.width() - 40.0);
-        // At the bottom: titles and buttons of windows are at the top.
-        let place =
-            Align2::CENTER_BOTTOM.anchor_size(rect.center_bottom() - egui::vec2(0.0, 12.0), galley.size());
+        // Else at the bottom: titles and buttons of windows are at the top.
+        let edge = align.pos_in_rect(&rect.shrink(12.0));
+        let place = align.anchor_size(edge, galley.size());
         painter.rect_filled(place.expand(8.0), 5.0, theme::ON_PICTURE);
         painter.galley(place.min, galley, Color32::WHITE);
         let left = (until_s - now_s).max(0.0);

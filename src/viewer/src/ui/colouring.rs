@@ -1,7 +1,7 @@
 //! Colours of vehicles, with their labels, map marks and boxes: by status, speed or waiting time.
 
 use super::{Preferences, ViewModel, theme};
-use city3d_geometry::LengthScale;
+use city3d_geometry::{KMH_PER_MPS, LengthScale};
 use city3d_protocol::snapshot::{VehicleId, VehicleState};
 use egui::{Color32, Context};
 use serde::{Deserialize, Serialize};
@@ -42,7 +42,7 @@ impl ColourBy {
     pub fn colour(self, context: &Context, vehicle: &VehicleState, shown: &ViewModel<'_>) -> Color32 {
         match self {
             Self::Status => theme::on_picture(context, vehicle.status),
-            Self::Speed => scale(vehicle.speed_mps.abs() * 3.6 / FASTEST_KMH),
+            Self::Speed => scale(vehicle.speed_mps.abs() * KMH_PER_MPS / FASTEST_KMH),
             Self::Waiting => scale(shown.traffic.tracks().waits_s(vehicle.id) / LONGEST_S),
         }
     }
@@ -65,7 +65,7 @@ impl ColourBy {
             Self::Status => None,
             Self::Speed => Some([
                 "0".to_owned(),
-                preferences.units.dashboard(FASTEST_KMH / 3.6, scale, preferences.decimal),
+                preferences.units.dashboard(FASTEST_KMH / KMH_PER_MPS, scale, preferences.decimal),
             ]),
             Self::Waiting => Some(["0".to_owned(), format!("{LONGEST_S:.0} s")]),
         }

@@ -89,7 +89,7 @@ pub(super) fn colour(context: &egui::Context, kind: MarkKind) -> Color32 {
         MarkKind::Person => Status::Manual,
         MarkKind::Merge => Status::Driving,
         MarkKind::Yield => Status::Yielding,
-        MarkKind::Stop | MarkKind::LongStop => Status::Stopped,
+        MarkKind::Stop | MarkKind::LongStop | MarkKind::LeftRoad => Status::Stopped,
         MarkKind::Usual => Status::Finished,
     };
     theme::on_panel(context, status)
@@ -127,9 +127,10 @@ pub(super) fn list_button(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_
 }
 
 /// Kinds that are reported at once, with their words for one and for several.
-const GRAVE: [(MarkKind, &str, &str); 3] = [
+const GRAVE: [(MarkKind, &str, &str); 4] = [
     (MarkKind::Collision, "collision", "collisions"),
     (MarkKind::LongStop, "long stop", "long stops"),
+    (MarkKind::LeftRoad, "left the road", "left the road"),
     (MarkKind::Link, "lost link", "lost links"),
 ];
 
@@ -187,17 +188,20 @@ fn width_of(ui: &Ui, text: &RichText) -> f32 {
     galley.size().x + 2.0 * ui.spacing().button_padding.x
 }
 
-/// What to say of new events: the gravest of those that are reported at once.
+/// What to say of new events: the gravest of those that are reported at once. Who drives sees the present: no key shows them
+/// the past then.
 pub fn announcement(
     names: &VehicleNames,
     marks: &[TimelineMark],
-    (keys, decimal): (&KeyMap, DecimalSeparator),
+    (keys, decimal, is_driving): (&KeyMap, DecimalSeparator, bool),
 ) -> Option<String> {
     let grave = marks.iter().filter(|mark| mark.what.is_grave());
     let first = grave.clone().max_by_key(|mark| mark.what.kind())?;
     let words = event_words(names, first, decimal);
     let key = keys.first(&GRAVE_EVENT.binding());
-    let shows = |what: &str| if key.is_empty() { String::new() } else { format!(" ({key} shows {what})") };
+    let shows = |what: &str| {
+        if key.is_empty() || is_driving { String::new() } else { format!(" ({key} shows {what})") }
+    };
     Some(match grave.count() {
         1 => format!("{words}{}", shows("it")),
         count => format!("{words}, and {} more{}", count - 1, shows("the last")),

@@ -2,8 +2,8 @@
 
 use super::colouring::ColourBy;
 use super::commands::{LABELS, MAP};
-use super::{CameraMode, UiState, ViewModel, events, occlusion, overlay, plans, status, theme};
-use city3d_protocol::snapshot::{Status, VehicleInfo, VehicleState};
+use super::{CameraMode, UiState, ViewModel, Viewpoint, events, occlusion, overlay, plans, status, theme};
+use city3d_protocol::snapshot::{Status, VehicleId, VehicleInfo, VehicleState};
 use city3d_sensors::{BoundingBox, View};
 use egui::{Align2, Color32, FontId, Painter, Pos2, Rect, Ui};
 use glam::{DVec2, DVec3};
@@ -45,6 +45,8 @@ pub struct Layers {
     pub map: bool,
     /// What the colours of the visible layers mean.
     pub legend: bool,
+    /// Whether the legend is open or folded to its title; `None` until the user has said so.
+    pub is_legend_open: Option<bool>,
     /// Scale bar, north arrow, and the place under the mouse.
     pub rulers: bool,
 }
@@ -68,6 +70,7 @@ impl Default for Layers {
             measured: false,
             map: true,
             legend: true,
+            is_legend_open: None,
             rulers: true,
         }
     }
@@ -135,12 +138,20 @@ pub struct Canvas<'a> {
     painter: Painter,
     view: &'a View,
     rect: Rect,
+    /// The vehicle that its camera chases.
+    chased: Option<VehicleId>,
 }
 
 impl<'a> Canvas<'a> {
     /// Maps the pixels of `view` to `rect` on the screen, points; drawing is clipped to it.
     pub fn new(ui: &Ui, view: &'a View, rect: Rect) -> Self {
-        Self { painter: ui.painter_at(rect), view, rect }
+        Self { painter: ui.painter_at(rect), view, rect, chased: None }
+    }
+
+    /// The same for the view of a camera, which may chase a vehicle.
+    pub fn of(self, camera: &Viewpoint) -> Self {
+        let chased = camera.follow.filter(|_| camera.mode == CameraMode::Chase);
+        Self { chased, ..self }
     }
 
     /// `None` behind the camera.
@@ -302,13 +313,12 @@ fn label(
     let roof = vehicle.position + DVec3::Z * info.dimensions.height_m;
     let top = roof + DVec3::Z;
     // The vehicle of the camera has no label.
-    let is_carrier = canvas.view.carrier == Some(vehicle.id)
-        || (state.viewpoint.mode == CameraMode::Chase && state.viewpoint.follow == Some(vehicle.id));
+    let is_carrier = canvas.view.carrier == Some(vehicle.id) || canvas.chased == Some(vehicle.id);
     if is_carrier || !(is_selected || (state.layers.labels && eye.distance(top) < LABELS_WITHIN_M)) {
         return None;
     }
     let depth = canvas.depth(top);
-    if depth < nearest_label_m(canvas, state, shown) {
+    if depth < nearest_label_m(canvas, shown) {
         return None;
     }
     let place = label_place(canvas, (vehicle, info))?;
@@ -327,9 +337,8 @@ fn label(
 
 /// Depth from which on vehicles have labels: what is at the camera is out of the picture or fills it, and its label would
 /// stand on another vehicle. Behind the vehicle that the camera chases there are no labels, for they would stand on it.
-fn nearest_label_m(canvas: &Canvas<'_>, state: &UiState, shown: &ViewModel<'_>) -> f64 {
-    let chased = state.viewpoint.follow.filter(|_| state.viewpoint.mode == CameraMode::Chase);
-    let rear_m = chased.and_then(|id| {
+fn nearest_label_m(canvas: &Canvas<'_>, shown: &ViewModel<'_>) -> f64 {
+    let rear_m = canvas.chased.and_then(|id| {
         let (vehicle, info) = shown.interpolated.vehicle(id).zip(shown.interpolated.info(id))?;
         Some(canvas.depth(vehicle.position) - info.dimensions.length_m / 2.0)
     });

@@ -3,7 +3,8 @@
 use super::colouring::scale;
 use super::{UiState, ViewModel, control_zones, overlay, status};
 use city3d_protocol::snapshot::Status;
-use egui::{Align2, Color32, FontId, Rect, Shape, Stroke, Ui, Vec2};
+use egui::{Align2, Color32, FontId, Galley, Painter, Pos2, Rect, Sense, Shape, Stroke, Ui, Vec2};
+use std::sync::Arc;
 
 /// A line of the legend.
 #[derive(Clone, Debug, PartialEq)]
@@ -43,7 +44,8 @@ fn lines(state: &UiState, shown: &ViewModel<'_>) -> Vec<LegendLine> {
         add(layers.routes || layers.all_routes, overlay::ROUTE, &format!("route of vehicle {id}"));
     }
     let many = format!("more than {} routes: the wider, the more", overlay::ROUTES_APART);
-    add(layers.all_routes, overlay::MANY_ROUTES, &many);
+    let has_many = layers.all_routes && overlay::has_many_routes(state.selection.vehicle, shown);
+    add(has_many, overlay::MANY_ROUTES, &many);
     add(layers.tracks, overlay::DRIVEN, "driven path, the last 20 s");
     add(layers.path, overlay::PLANNED, "way ahead, a dot every second");
     add(layers.gaps, overlay::GAP, "gap to the vehicle ahead");
@@ -61,7 +63,7 @@ fn lines(state: &UiState, shown: &ViewModel<'_>) -> Vec<LegendLine> {
             lines.push(LegendLine::new(control_zones::zone_colour(zone), text));
         }
     }
-    lines.extend(colours(state, shown, layers.boxes || !lines.is_empty()));
+    lines.extend(colours(state, shown));
     lines
 }
 
@@ -83,7 +85,7 @@ fn measured_words(shown: &ViewModel<'_>) -> String {
 }
 
 /// What the colours of vehicles mean.
-fn colours(state: &UiState, shown: &ViewModel<'_>, wants_statuses: bool) -> Vec<LegendLine> {
+fn colours(state: &UiState, shown: &ViewModel<'_>) -> Vec<LegendLine> {
     let by = state.layers.colour;
     let Some([least, most]) = by.ends(state.preferences, shown.scale()) else {
         let told = [Status::Driving, Status::Yielding, Status::Stopped, Status::Manual, Status::Collided];
@@ -91,59 +93,104 @@ fn colours(state: &UiState, shown: &ViewModel<'_>, wants_statuses: bool) -> Vec<
             mark: LegendMark::Sign(status),
             text: status::label(status).to_owned(),
         };
-        return if wants_statuses { told.map(line).into() } else { Vec::new() };
+        // Labels have signs, which the help explains; boxes have the colour alone.
+        return if state.layers.boxes { told.map(line).into() } else { Vec::new() };
     };
     vec![LegendLine { mark: LegendMark::Scale, text: format!("{}: {least} to {most}", by.label()) }]
 }
 
 const ROW: f32 = 16.0;
+const FONT_SIZE: f32 = 12.0;
+const TEXT: Color32 = Color32::from_gray(235);
+const GROUND: Color32 = Color32::from_black_alpha(175);
+/// Width of the title with the number of lines, points.
+const TITLE_WIDTH: f32 = 88.0;
 const MARK: f32 = 26.0;
 /// Wide enough to read a value of the scale by its colour.
 const MARK_WITH_SCALE: f32 = 74.0;
 
-/// Paints the legend at the left edge of a rectangle, below the name of the followed vehicle.
-pub fn paint(ui: &Ui, rect: Rect, state: &UiState, shown: &ViewModel<'_>) {
+/// Shows the legend at the left edge of a rectangle, below the name of the followed vehicle. A click folds it to its title,
+/// for it lies over the city.
+pub fn show(ui: &Ui, rect: Rect, state: &mut UiState, shown: &ViewModel<'_>) {
     let lines = if state.layers.legend { lines(state, shown) } else { Vec::new() };
-    if lines.is_empty() || rect.height() < 200.0 {
+    if lines.is_empty() {
         return;
     }
     let painter = ui.painter_at(rect);
-    let font = FontId::proportional(11.5);
-    let texts: Vec<_> = lines
-        .iter()
-        .map(|line| painter.layout_no_wrap(line.text.clone(), font.clone(), Color32::from_gray(235)))
-        .collect();
-    let has_scale = lines.iter().any(|line| matches!(line.mark, LegendMark::Scale));
-    let mark = if has_scale { MARK_WITH_SCALE } else { MARK };
-    let width = texts.iter().map(|text| text.size().x).fold(0.0, f32::max) + mark;
+    let drawn = DrawnLegend::of(&painter, &lines);
+    // By itself it covers less than half of the width and of the height.
+    let has_room = drawn.size.x < 0.5 * rect.width() && drawn.size.y < 0.5 * rect.height();
+    let is_folded = !state.layers.is_legend_open.unwrap_or(has_room);
+    let size = if is_folded { Vec2::new(TITLE_WIDTH, ROW) } else { drawn.size };
     let corner = rect.left_top() + Vec2::new(14.0, 44.0);
-    let ground = Rect::from_min_size(corner, Vec2::new(width, ROW * lines.len() as f32));
-    painter.rect_filled(ground.expand(6.0), 4.0, Color32::from_black_alpha(160));
-    for (row, (line, text)) in lines.iter().zip(texts).enumerate() {
-        let left = corner + Vec2::new(0.0, ROW * (row as f32 + 0.5));
-        let right = left + Vec2::new(mark - 8.0, 0.0);
-        match line.mark {
-            LegendMark::Line(colour) => {
-                painter.add(Shape::line_segment([left, right], Stroke::new(3.0, colour)));
-            }
-            LegendMark::Sign(of) => status::paint_sign(&painter, left.lerp(right, 0.5), 4.0, of),
-            LegendMark::Bodies(colours) => {
-                for (k, colour) in colours.into_iter().enumerate() {
-                    let ends = [k, k + 1].map(|end| left.lerp(right, end as f32 / colours.len() as f32));
-                    painter.add(Shape::line_segment(ends, Stroke::new(3.0, colour)));
-                }
-            }
-            LegendMark::Scale => {
-                const STEPS: u8 = 18;
-                for step in 0..STEPS {
-                    let share = |step: u8| f32::from(step) / f32::from(STEPS);
-                    let ends = [step, step + 1].map(|end| left.lerp(right, share(end)));
-                    let colour = scale(f64::from(step) / f64::from(STEPS - 1));
-                    painter.add(Shape::line_segment(ends, Stroke::new(7.0, colour)));
-                }
+    let ground = Rect::from_min_size(corner, size);
+    painter.rect_filled(ground.expand(6.0), 4.0, GROUND);
+    if !is_folded {
+        drawn.paint(&painter, corner, &lines);
+    }
+    let title =
+        if is_folded { format!("\u{23f5} Legend ({})", lines.len()) } else { "\u{23f7} Legend".to_owned() };
+    painter.text(corner, Align2::LEFT_TOP, &title, FontId::proportional(FONT_SIZE), TEXT);
+    let response =
+        ui.interact(ground.expand(6.0).intersect(rect), ui.scope_id().with("legend"), Sense::click());
+    response.widget_info(|| egui::WidgetInfo::labeled(egui::Role::Button, true, &title));
+    let tip = if is_folded { "Click: show the legend" } else { "Click: fold the legend" };
+    if response.on_hover_text(tip).clicked() {
+        state.layers.is_legend_open = Some(is_folded);
+    }
+}
+
+/// The texts of a legend, laid out, and its size with the title.
+struct DrawnLegend {
+    texts: Vec<Arc<Galley>>,
+    /// Width of the marks, points.
+    mark: f32,
+    size: Vec2,
+}
+
+impl DrawnLegend {
+    fn of(painter: &Painter, lines: &[LegendLine]) -> Self {
+        let font = FontId::proportional(FONT_SIZE);
+        let texts: Vec<_> =
+            lines.iter().map(|line| painter.layout_no_wrap(line.text.clone(), font.clone(), TEXT)).collect();
+        let has_scale = lines.iter().any(|line| matches!(line.mark, LegendMark::Scale));
+        let mark = if has_scale { MARK_WITH_SCALE } else { MARK };
+        let width = texts.iter().map(|text| text.size().x).fold(0.0, f32::max) + mark;
+        let size = Vec2::new(width.max(TITLE_WIDTH), ROW * (lines.len() + 1) as f32);
+        Self { texts, mark, size }
+    }
+
+    /// Paints the lines below the title.
+    fn paint(self, painter: &Painter, corner: Pos2, lines: &[LegendLine]) {
+        for (row, (line, text)) in lines.iter().zip(self.texts).enumerate() {
+            let left = corner + Vec2::new(0.0, ROW * (row as f32 + 1.5));
+            paint_mark(painter, (left, left + Vec2::new(self.mark - 8.0, 0.0)), line.mark);
+            let place = Align2::LEFT_CENTER.anchor_size(left + Vec2::new(self.mark, 0.0), text.size());
+            painter.galley(place.min, text, Color32::WHITE);
+        }
+    }
+}
+
+fn paint_mark(painter: &Painter, (left, right): (Pos2, Pos2), mark: LegendMark) {
+    match mark {
+        LegendMark::Line(colour) => {
+            painter.add(Shape::line_segment([left, right], Stroke::new(3.0, colour)));
+        }
+        LegendMark::Sign(of) => status::paint_sign(painter, left.lerp(right, 0.5), 4.0, of),
+        LegendMark::Bodies(colours) => {
+            for (k, colour) in colours.into_iter().enumerate() {
+                let ends = [k, k + 1].map(|end| left.lerp(right, end as f32 / colours.len() as f32));
+                painter.add(Shape::line_segment(ends, Stroke::new(3.0, colour)));
             }
         }
-        let place = Align2::LEFT_CENTER.anchor_size(left + Vec2::new(mark, 0.0), text.size());
-        painter.galley(place.min, text, Color32::WHITE);
+        LegendMark::Scale => {
+            const STEPS: u8 = 18;
+            for step in 0..STEPS {
+                let share = |step: u8| f32::from(step) / f32::from(STEPS);
+                let ends = [step, step + 1].map(|end| left.lerp(right, share(end)));
+                let colour = scale(f64::from(step) / f64::from(STEPS - 1));
+                painter.add(Shape::line_segment(ends, Stroke::new(7.0, colour)));
+            }
+        }
     }
 }

@@ -27,6 +27,7 @@ mod occlusion;
 mod overlay;
 mod palette;
 mod panels;
+mod picture_legend;
 mod plans;
 mod preview;
 mod rulers;
@@ -106,8 +107,8 @@ pub enum UiAction {
     Open(runs::OpenRequest),
     /// The log of the present run, which ends with it.
     Replay,
-    /// The scenario that is shown from its beginning, with this seed or its own, at once.
-    RunAgain(Option<u64>),
+    /// The scenario that is shown from its beginning, at once.
+    RunAgain(runs::RunAgain),
     /// The run is reset: the user was asked.
     ResetConfirmed,
     /// The measures of the present run beside those of another one: its folder or its log.
@@ -116,9 +117,9 @@ pub enum UiAction {
     Look(Look),
     /// A device mapping has changed and is to be stored.
     KeepDevices,
-    /// A picture of the next frame, saved as a PNG file in the working folder.
+    /// A picture of the next frame, saved as a PNG file in the folder of the run.
     Screenshot,
-    /// The chart, saved into the working folder.
+    /// The chart, saved into the folder of the run.
     SaveChart,
     /// A video begins, or the one that is being recorded ends.
     Video(VideoRequest),

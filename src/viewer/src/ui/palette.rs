@@ -1,6 +1,7 @@
 //! The command palette: every action by its words, with its key; and vehicles, scenarios and speeds by their names.
 
 mod entries;
+mod synonyms;
 
 use super::commands::{self, Availability, CommandContext, key_map};
 use super::timeline::TimelineView;

@@ -2,9 +2,10 @@
 
 use super::theme::SpeedUnit;
 use super::{
-    PictureRequest, PictureSlot, UiAction, UiState, ViewModel, commands, inspector, plans, status, theme,
+    PictureRequest, PictureSlot, UiAction, UiState, ViewModel, bar, commands, events, inspector,
+    picture_legend, plans, status, theme,
 };
-use city3d_geometry::{LengthScale, trig};
+use city3d_geometry::{KMH_PER_MPS, LengthScale, trig};
 use city3d_protocol::snapshot::{FrameSnapshot, Status, VehicleId, VehicleInfo, VehicleState};
 use city3d_sensors::{Camera, Lens, Mount, MountPoint, PictureKind, View};
 use egui::emath::GuiRounding as _;
@@ -109,11 +110,11 @@ impl Preview {
         Self { vehicle, eye: PreviewCamera::default(), kind: PictureKind::Rgb }
     }
 
-    /// Camera and kind in the list.
+    /// Kind and camera in the list: of what has no room the camera is cut, which the picture shows.
     fn label(&self, cameras: &[ScenarioCamera]) -> String {
         let eye = self.eye.label(cameras);
         match KINDS.iter().find(|(kind, _)| *kind == self.kind) {
-            Some((kind, name)) if *kind != PictureKind::Rgb => format!("{eye}, {name}"),
+            Some((kind, name)) if *kind != PictureKind::Rgb => format!("{name}, {eye}"),
             _ => eye,
         }
     }
@@ -127,28 +128,45 @@ impl Preview {
 
 /// Aspect ratio of the pictures, where there is room.
 const ASPECT: f32 = 4.0 / 3.0;
-/// Height of a panel without its picture, points: plots stacked, and plots side by side.
-const FULL: f32 = 294.0;
-const COMPACT: f32 = 216.0;
+/// Height of a panel without its picture, points: plots stacked, plots side by side, and without plots.
+const FULL: f32 = 312.0;
+const COMPACT: f32 = 222.0;
+const LOW: f32 = 162.0;
+/// Flattest pictures beside plots, and without them.
+const FLAT: f32 = 2.1;
+const FLATTEST: f32 = 2.6;
 /// Height of the line with the plan.
 const PLAN_LINE: f32 = 18.0;
+
+/// Where the plots of a panel are.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum PlotPlaces {
+    Stacked,
+    SideBySide,
+    /// There is no room for them.
+    Nowhere,
+}
 
 /// Layout of a panel.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct PreviewLayout {
     aspect: f32,
-    /// The plots are side by side, and lower.
-    is_compact: bool,
+    plots: PlotPlaces,
 }
 
 impl PreviewLayout {
-    /// Sized so that two panels fit at once.
+    /// Sized so that two panels fit at once: the pedals of both are in sight, the plots give way.
     fn of(count: usize, place: Vec2, has_plans: bool) -> Self {
         let each = place.y / 2.0 - if has_plans { PLAN_LINE } else { 0.0 };
         if count < 2 || each >= place.x / ASPECT + FULL {
-            return Self { aspect: ASPECT, is_compact: false };
+            return Self { aspect: ASPECT, plots: PlotPlaces::Stacked };
         }
-        Self { aspect: (place.x / (each - COMPACT).max(1.0)).clamp(ASPECT, 2.1), is_compact: true }
+        let aspect =
+            |others: f32, flattest: f32| (place.x / (each - others).max(1.0)).clamp(ASPECT, flattest);
+        if each >= place.x / FLAT + COMPACT {
+            return Self { aspect: aspect(COMPACT, FLAT), plots: PlotPlaces::SideBySide };
+        }
+        Self { aspect: aspect(LOW, FLATTEST), plots: PlotPlaces::Nowhere }
     }
 }
 
@@ -210,29 +228,8 @@ fn show(
     });
     picture(ui, (preview, layout.aspect), shown, state);
     ui.horizontal_wrapped(|ui| {
-        let cameras = shown.cameras_of(preview.vehicle);
-        ComboBox::from_id_salt("eye")
-            .selected_text(preview.label(cameras))
-            .width(90.0)
-            .show_ui(ui, |ui| {
-                for (eye, label) in PreviewCamera::ALL {
-                    ui.selectable_value(&mut preview.eye, eye, label);
-                }
-                if !cameras.is_empty() {
-                    ui.separator();
-                }
-                for place in 0..cameras.len() {
-                    let own = PreviewCamera::Own(place);
-                    ui.selectable_value(&mut preview.eye, own, own.label(cameras))
-                        .on_hover_text("A camera that the scenario gives this vehicle");
-                }
-                ui.separator();
-                for (kind, name) in KINDS {
-                    ui.selectable_value(&mut preview.kind, kind, name);
-                }
-            })
-            .response
-            .on_hover_text("Where the picture is taken from, and what it shows");
+        ui.spacing_mut().item_spacing.x = 4.0;
+        bar::cell(ui, PICKER, |ui| picker(ui, preview, shown.cameras_of(preview.vehicle)));
         if shown.replay.is_none() {
             drive_button(ui, (preview.vehicle, shown), state, actions);
         }
@@ -244,6 +241,35 @@ fn show(
     }
     plots(ui, (shown, state.preferences.units), vehicle, layout);
     is_kept
+}
+
+/// The list of cameras and kinds of pictures.
+fn picker(ui: &mut Ui, preview: &mut Preview, cameras: &[ScenarioCamera]) {
+    let list = ComboBox::from_id_salt("eye")
+        .selected_text(preview.label(cameras))
+        .width(PICKER)
+        .truncate()
+        // All of it at once: a list that ends early hides kinds.
+        .height(400.0);
+    let list = list.show_ui(ui, |ui| {
+        for (eye, label) in PreviewCamera::ALL {
+            ui.selectable_value(&mut preview.eye, eye, label);
+        }
+        if !cameras.is_empty() {
+            ui.separator();
+        }
+        for place in 0..cameras.len() {
+            let own = PreviewCamera::Own(place);
+            ui.selectable_value(&mut preview.eye, own, own.label(cameras))
+                .on_hover_text("A camera that the scenario gives this vehicle");
+        }
+        ui.separator();
+        for (kind, name) in KINDS {
+            ui.selectable_value(&mut preview.kind, kind, name);
+        }
+    });
+    let tip = format!("Where the picture is taken from, and what it shows: {}", preview.label(cameras));
+    list.response.on_hover_text(tip);
 }
 
 /// Which vehicle it is, and its status.
@@ -287,7 +313,11 @@ fn picture(ui: &mut Ui, (preview, aspect): (&Preview, f32), shown: &ViewModel<'_
     let per_point = ui.ctx().pixels_per_point();
     let width = (ui.available_width().max(40.0) * per_point).floor();
     let size = Vec2::new(width, (width / aspect).round()) / per_point;
-    let (rect, _) = ui.allocate_exact_size(size, Sense::hover());
+    let (rect, response) = ui.allocate_exact_size(size, Sense::hover());
+    let words = picture_legend::words(preview.kind);
+    if !words.is_empty() {
+        response.widget_info(|| egui::WidgetInfo::labeled(egui::Role::Image, true, &words));
+    }
     if !ui.is_rect_visible(rect) {
         return;
     }
@@ -298,10 +328,13 @@ fn picture(ui: &mut Ui, (preview, aspect): (&Preview, f32), shown: &ViewModel<'_
         state.pictures.push(PictureRequest { slot, view, kind: preview.kind });
     }
     super::paint_picture(ui, rect, shown, slot);
+    picture_legend::paint(&ui.painter_at(rect), rect, preview.kind);
 }
 
+/// Width of the list of cameras and kinds, so that nothing below moves, points.
+const PICKER: f32 = 92.0;
 /// Width of the widest speed with its gear, points.
-const SPEED_WIDTH: f32 = 100.0;
+const SPEED_WIDTH: f32 = 96.0;
 
 fn speed(ui: &mut Ui, vehicle: &VehicleState, (units, scale): (SpeedUnit, LengthScale)) {
     let gear = if vehicle.reverse { "  R" } else { "" };
@@ -379,9 +412,13 @@ fn gauge(ui: &mut Ui, name: &str, number: &str, fill: impl FnOnce(&egui::Painter
     track.min.x += NAME_WIDTH;
     track.max.x = (track.max.x - NUMBER_WIDTH).max(track.min.x);
     painter.rect_filled(track, 2.0, ui.visuals().extreme_bg_color);
+    let edge = ui.visuals().widgets.noninteractive.bg_stroke;
+    painter.rect_stroke(track, 2.0, edge, egui::StrokeKind::Outside);
     fill(&painter, track);
 }
 
+/// End of the axis of speeds, unless a vehicle is faster.
+const USUAL_KMH: f64 = 50.0;
 /// Time span of the running plots, simulated seconds.
 pub const KEPT_S: f64 = 30.0;
 
@@ -391,6 +428,12 @@ fn plots(
     vehicle: &VehicleState,
     layout: PreviewLayout,
 ) {
+    if layout.plots == PlotPlaces::Nowhere {
+        let text = RichText::new("Plots: in a taller window, or with one preview").small().weak();
+        ui.add(egui::Label::new(text).truncate());
+        return;
+    }
+    let is_compact = layout.plots == PlotPlaces::SideBySide;
     let (history, now_s, scale) = (shown.history, shown.run_state.now.time_s, shown.scale());
     // The last point is the present value: samples are some ticks apart.
     let past = history.between(now_s - KEPT_S, now_s);
@@ -400,13 +443,14 @@ fn plots(
         let samples = samples.map(|(time_s, value)| [time_s - now_s, value]);
         samples.chain(of(vehicle).map(|now| [0.0, now])).collect()
     };
-    let height = if layout.is_compact { 52.0 } else { 72.0 };
+    let height = if is_compact { 58.0 } else { 78.0 };
+    let whose = events::named(shown.names, vehicle.id);
     let blue = theme::on_panel(ui.ctx(), Status::Manual);
     let speeds = |ui: &mut Ui| {
         let of = |speed_mps: f64| units.of(speed_mps, scale);
         let speeds = series(&|sample| Some(of(sample.speed_mps)));
-        let name = format!("Speed, {}", units.label());
-        plot(ui, (name.as_str(), height), speeds, (0.0, of(50.0 / 3.6)), blue);
+        let plot = SmallPlot { quantity: "Speed", unit: units.label(), whose: &whose, height };
+        plot.show(ui, speeds, (0.0, of(USUAL_KMH / KMH_PER_MPS)), blue);
     };
     let orange = theme::on_panel(ui.ctx(), Status::Stopped);
     let errors = |ui: &mut Ui| {
@@ -425,9 +469,10 @@ fn plots(
             return;
         }
         let errors = series(&|sample| Some(sample.tracked_lateral_error_m()? * 100.0));
-        plot(ui, ("Lateral error, cm", height), errors, (-10.0, 10.0), orange);
+        let plot = SmallPlot { quantity: "Lateral error", unit: "cm", whose: &whose, height };
+        plot.show(ui, errors, (-10.0, 10.0), orange);
     };
-    if layout.is_compact {
+    if is_compact {
         ui.columns(2, |columns| {
             speeds(&mut columns[0]);
             errors(&mut columns[1]);
@@ -438,38 +483,47 @@ fn plots(
     }
 }
 
-fn plot(
-    ui: &mut Ui,
-    (name, height): (&str, f32),
-    points: Vec<[f64; 2]>,
-    (low, high): (f64, f64),
-    colour: Color32,
-) {
-    let decimal = theme::decimal(ui.ctx());
-    let last = points.last().map_or_else(String::new, |[_, value]| format!(" {}", decimal.tenths(*value)));
-    ui.label(RichText::new(format!("{name}:{last}")).small())
-        .on_hover_text(format!("The last {KEPT_S:.0} simulated seconds"));
-    let time =
-        theme::small_axis(ui, AxisHints::new_x()).min_thickness(11.0).formatter(|mark, _| match mark.value {
-            ago if ago > -0.5 => "0 s".to_owned(),
-            ago => format!("{ago:.0}"),
+/// A running plot of one quantity of one vehicle.
+struct SmallPlot<'a> {
+    quantity: &'a str,
+    unit: &'a str,
+    whose: &'a str,
+    height: f32,
+}
+
+impl SmallPlot<'_> {
+    fn show(&self, ui: &mut Ui, points: Vec<[f64; 2]>, (low, high): (f64, f64), colour: Color32) {
+        let decimal = theme::decimal(ui.ctx());
+        let name = format!("{}, {}", self.quantity, self.unit);
+        let last =
+            points.last().map_or_else(String::new, |[_, value]| format!(" {}", decimal.tenths(*value)));
+        ui.label(RichText::new(format!("{name}:{last}")).small())
+            .on_hover_text(format!("The last {KEPT_S:.0} simulated seconds"));
+        let time = theme::small_axis(ui, AxisHints::new_x()).min_thickness(13.0).formatter(|mark, _| {
+            match mark.value {
+                ago if ago > -0.5 => "0 s".to_owned(),
+                ago => format!("{ago:.0}"),
+            }
         });
-    let value = theme::value_axis(ui);
-    Plot::new(name)
-        .height(height)
-        .include_x(-KEPT_S)
-        .include_x(0.0)
-        .include_y(low)
-        .include_y(high)
-        .allow_zoom(false)
-        .allow_drag(false)
-        .allow_scroll(false)
-        .custom_x_axes(vec![time])
-        .custom_y_axes(vec![value])
-        .label_formatter(super::charts::hover_words(decimal))
-        .x_grid_spacer(|_| marks((-KEPT_S, 0.0), KEPT_S / 2.0))
-        .y_grid_spacer(|grid| marks(grid.bounds, round_step(grid.bounds.1 - grid.bounds.0)))
-        .show(ui, |plot| plot.line(Line::new(name, PlotPoints::from(points)).color(colour)));
+        let value = theme::value_axis(ui);
+        let axes = ["From now [s]", &format!("{} [{}]", self.quantity, self.unit)];
+        let line = Line::new(self.whose, PlotPoints::from(points)).color(colour);
+        Plot::new(name)
+            .height(self.height)
+            .include_x(-KEPT_S)
+            .include_x(0.0)
+            .include_y(low)
+            .include_y(high)
+            .allow_zoom(false)
+            .allow_drag(false)
+            .allow_scroll(false)
+            .custom_x_axes(vec![time])
+            .custom_y_axes(vec![value])
+            .label_formatter(super::charts::hover_words(axes, decimal))
+            .x_grid_spacer(|_| marks((-KEPT_S, 0.0), KEPT_S / 2.0))
+            .y_grid_spacer(|grid| marks(grid.bounds, round_step(grid.bounds.1 - grid.bounds.0)))
+            .show(ui, |plot| plot.line(line));
+    }
 }
 
 /// Grid marks at multiples of a step.

@@ -98,7 +98,7 @@ fn north(canvas: &Canvas<'_>, middle: Pos2) {
     painter.circle_filled(middle, 15.0, GROUND);
     map::paint_arrow(painter, middle, on_screen.normalized(), (9.0, COLOUR));
     let text = middle - on_screen.normalized() * 8.0;
-    painter.text(text, Align2::CENTER_CENTER, "N", FontId::proportional(10.0), COLOUR);
+    painter.text(text, Align2::CENTER_CENTER, "N", FontId::proportional(11.0), COLOUR);
 }
 
 #[cfg(test)]

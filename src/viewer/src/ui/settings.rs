@@ -60,6 +60,8 @@ fn choices(ui: &mut Ui, state: &mut UiState) {
         ui.selectable_value(&mut preferences.theme, Theme::Dark, "Dark");
         ui.selectable_value(&mut preferences.theme, Theme::Light, "Light")
             .on_hover_text("For projectors and bright rooms");
+        ui.selectable_value(&mut preferences.theme, Theme::HighContrast, "High contrast")
+            .on_hover_text("White on black, with edges of all buttons: texts have a contrast of 7 and more");
     });
     ui.end_row();
     ui.label("Status colours");

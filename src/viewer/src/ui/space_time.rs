@@ -115,9 +115,9 @@ fn keys(ui: &mut Ui, bands: &[Band]) {
 
 /// The axes, named as those of the figures of `city3d plot` and in the metres of the settings; `factor` is that of the scale.
 fn plot(ui: &Ui, scale: FigureScale, factor: f64) -> Plot<'static> {
-    let small = |text: &str| RichText::new(text).size(10.0);
+    let small = |text: &str| RichText::new(text).size(theme::SMALL);
     let time =
-        theme::small_axis(ui, AxisHints::new_x()).min_thickness(11.0).formatter(|mark, _| match mark.value {
+        theme::small_axis(ui, AxisHints::new_x()).min_thickness(14.0).formatter(|mark, _| match mark.value {
             ahead if ahead > 0.5 => String::new(),
             ago if ago > -0.5 => "now".to_owned(),
             ago => format!("{ago:.0}"),
@@ -183,7 +183,7 @@ impl SpaceTime<'_, '_> {
             }
         }
         for (id, at_m) in self.named(ends) {
-            let words = RichText::new(named(self.shown.names, id)).size(10.0);
+            let words = RichText::new(named(self.shown.names, id)).size(theme::SMALL);
             let text = Text::new("name", PlotPoint::new(0.8, at_m), words).anchor(Align2::LEFT_CENTER);
             plot.text(text.color(strongest));
         }

@@ -7,6 +7,7 @@ use super::{CityKind, UiAction, UiState, ViewModel, commands, run_until, theme, 
 use city3d_geometry::trig;
 use city3d_session::RunPhase;
 use city3d_session::playback::{PlaybackCommand, Playhead, SPEEDS, TimelineMark};
+use egui::containers::menu::MenuButton;
 use egui::{Align2, Button, ComboBox, Rect, RichText, Stroke, Ui, Vec2};
 
 /// A run in time, as the timeline shows it.
@@ -187,6 +188,7 @@ pub(super) fn show(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>, acti
         transport(ui, replay, (is_narrow, refusal(state)), actions);
         if is_narrow {
             events::list_button(ui, state, shown);
+            overflow(ui, state, (shown, replay), actions);
         } else {
             ui.separator();
             event_buttons(ui, state, (shown, replay), actions);
@@ -204,6 +206,33 @@ pub(super) fn show(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>, acti
         }
     });
     track::show(ui, state, shown, replay, actions);
+}
+
+/// Width of the menu of what has no room, points.
+const OVERFLOW: f32 = 340.0;
+
+/// A menu of the controls that a narrow window has no room for.
+fn overflow(
+    ui: &mut Ui,
+    state: &mut UiState,
+    (shown, replay): (&ViewModel<'_>, &TimelineView<'_>),
+    actions: &mut Vec<UiAction>,
+) {
+    let button = MenuButton::new("More \u{23f7}").config(super::menu_with_fields());
+    let (button, _) = button.ui(ui, |ui| {
+        ui.set_min_width(OVERFLOW);
+        ui.visuals_mut().widgets.inactive = ui.ctx().global_style().visuals.widgets.inactive;
+        ui.horizontal(|ui| transport(ui, replay, (false, refusal(state)), actions));
+        ui.horizontal(|ui| {
+            event_buttons(ui, state, (shown, replay), actions);
+            ui.add_enabled_ui(replay.is_played(), |ui| speed(ui, replay, actions));
+        });
+        ui.horizontal(|ui| clock(ui, shown, replay));
+        ui.horizontal(|ui| events::live(ui, state, shown, actions));
+    });
+    let tip =
+        "What has no room in a narrow window: steps, neighbouring events, speed and time of the playback";
+    button.on_hover_text(tip);
 }
 
 /// Says over the city that its past is shown, and leads back.

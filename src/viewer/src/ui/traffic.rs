@@ -150,20 +150,20 @@ fn is_narrow(ui: &Ui) -> bool {
     ui.clip_rect().width() < WIDE
 }
 
+/// What measures are that the card of a finished run has, too.
+pub(super) const FLOW: &str = "Exits after the first one over the time since it, vehicles an hour; none of fewer than two after the warm-up";
+pub(super) const DELAY: &str = "Mean time lost against driving alone, with the time held outside";
+pub(super) const STOPS: &str =
+    "How often vehicles came to stand: below 0.5 m/s, also where they come to the end of their routes";
+
 const COLUMNS: [(&str, &str); 10] = [
     ("", ""),
     ("Inside", "Vehicles on their way"),
     ("Passed", "Vehicles that have arrived, or left the control zone behind its last conflict"),
-    (
-        "Flow (/h)",
-        "Exits after the first one over the time since it, vehicles an hour; none of fewer than two after the warm-up",
-    ),
-    ("Delay (s)", "Mean time lost against driving alone, with the time held outside"),
+    ("Flow (/h)", FLOW),
+    ("Delay (s)", DELAY),
     ("Most (s)", "Largest delay"),
-    (
-        "Stops",
-        "How often vehicles came to stand: below 0.5 m/s, also where they come to the end of their routes",
-    ),
+    ("Stops", STOPS),
     ("Queue now", "Vehicles that are stopped now"),
     ("Queue, mean", "Vehicles that are stopped, mean over time"),
     ("Queue, most", "The most vehicles that were stopped at a time"),

@@ -196,11 +196,12 @@ impl Viewpoint {
         let followed = self.follow.and_then(|id| seen.vehicle(id));
         let is_raised = !self.rear && matches!(self.mode, CameraMode::Orbit | CameraMode::Chase);
         let Some(vehicle) = followed.filter(|_| is_raised) else { return self.raise.ease_to(0.0, dt_s) };
-        let hides = |raise: Raise| {
-            let eye = Self { raise, ..self.clone() }.view(seen, [16, 9]).extrinsics.position;
+        let mut raise = self.raise;
+        let needed_rad = raise.needed_rad(|by_rad| {
+            let eye = self.raised_view(seen, [16, 9], by_rad).extrinsics.position;
             occlusion::is_occluded(eye, vehicle.position + DVec3::Z, walls)
-        };
-        let needed_rad = self.raise.needed_rad(hides);
+        });
+        self.raise = raise;
         self.raise.ease_to(needed_rad, dt_s)
     }
 
@@ -354,7 +355,8 @@ impl Viewpoint {
         DVec3::new(cos * out, sin * out, up)
     }
 
-    fn camera(&self) -> Camera {
+    /// The camera, higher by an angle than the user has put it.
+    fn camera(&self, raise_rad: f64) -> Camera {
         match (self.mode, self.follow) {
             (CameraMode::Chase, Some(vehicle)) => {
                 let distance_m = if self.rear { -8.0 } else { 9.0 };
@@ -371,26 +373,31 @@ impl Viewpoint {
                 target: self.target + DVec3::Z,
                 distance_m: self.distance_m,
                 azimuth_rad: self.azimuth_rad,
-                elevation_rad: (self.elevation_rad + self.raise.by_rad()).min(STEEPEST_RAD),
+                elevation_rad: (self.elevation_rad + raise_rad).min(STEEPEST_RAD),
             },
         }
     }
 
     /// The view of a snapshot for a picture of some pixels.
     pub fn view(&self, seen: &FrameSnapshot, extent: [u32; 2]) -> View {
+        self.raised_view(seen, extent, self.raise.by_rad())
+    }
+
+    /// The same of a camera that is higher by an angle than the user has put it.
+    fn raised_view(&self, seen: &FrameSnapshot, extent: [u32; 2], raise_rad: f64) -> View {
         let usual = Lens { extent, ..Lens::default() };
         let lens = if self.mode == CameraMode::Onboard { self.gaze.lens(usual) } else { usual };
         let fallback = || {
             let from = self.target + DVec3::new(0.0, -1.0, 1.0) * self.distance_m;
             View::new(Extrinsics::looking_at(from, self.target), &lens)
         };
-        let view = self.camera().view(seen, &lens);
+        let view = self.camera(raise_rad).view(seen, &lens);
         let mut view = view.unwrap_or_else(|_| fallback());
         if let Some(state) = self.follow.and_then(|id| seen.vehicle(id)) {
             match self.mode {
                 CameraMode::Chase if !self.rear => {
                     let dimensions = seen.info(state.id).map(|info| &info.dimensions);
-                    view.extrinsics = self.gaze.raised(self.raise.by_rad()).chase(state, dimensions);
+                    view.extrinsics = self.gaze.raised(raise_rad).chase(state, dimensions);
                 }
                 CameraMode::Onboard => view.extrinsics = self.gaze.onboard(state, view.extrinsics),
                 _ => {}

@@ -1,8 +1,10 @@
 //! More large views of the city, each with a camera of its own, beside the first one.
 
+use super::layers::{self, Canvas};
 use super::viewpoint::{CameraMode, Viewpoint};
-use super::{PictureRequest, PictureSlot, UiState, ViewModel, city};
+use super::{PictureRequest, PictureSlot, UiState, ViewModel, city, overlay};
 use city3d_protocol::snapshot::FrameSnapshot;
+use city3d_render::Overlay;
 use city3d_sensors::PictureKind;
 use city3d_session::RunPhase;
 use egui::emath::GuiRounding as _;
@@ -13,10 +15,12 @@ pub const MORE_VIEWS: usize = 2;
 /// Of the pixels that a moving picture may have, those of a view beside the first one.
 const PIXEL_SHARE: u32 = 3;
 
-/// The cameras of the views besides the first one.
+/// The views besides the first one.
 #[derive(Clone, Debug)]
 pub struct MoreViews {
     cameras: [Viewpoint; MORE_VIEWS],
+    /// Lines and surfaces in the city over their pictures: what the layers show.
+    pub overlays: [Overlay; MORE_VIEWS],
 }
 
 impl MoreViews {
@@ -24,7 +28,7 @@ impl MoreViews {
     pub fn around(snapshot: &FrameSnapshot) -> Self {
         let mut cameras = [(); MORE_VIEWS].map(|()| Viewpoint::around(snapshot));
         cameras[0].set_mode(CameraMode::Overhead, None);
-        Self { cameras }
+        Self { cameras, overlays: Default::default() }
     }
 }
 
@@ -46,8 +50,10 @@ pub fn show(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>, index: usiz
     let slot = PictureSlot::View(index);
     state.pictures.push(PictureRequest { slot, view, kind: PictureKind::Rgb });
     super::paint_picture(ui, rect, shown, slot);
+    let canvas = Canvas::new(ui, &view, rect).of(&state.views.cameras[index]);
+    state.views.overlays[index] = overlay::build(state, shown, &canvas);
+    layers::paint(&canvas, state, shown);
     if let Some(at) = response.interact_pointer_pos().filter(|_| response.clicked()) {
-        let canvas = super::layers::Canvas::new(ui, &view, rect);
         state.selection.vehicle = city::pick(&canvas, shown, at);
         state.table.reveal = state.selection.vehicle.is_some();
     }

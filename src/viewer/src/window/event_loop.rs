@@ -7,7 +7,7 @@ use super::painter::{PaintTarget, WindowPainter};
 use super::recording::{RecordedRun, RecordingOptions};
 use super::settings::{load_profiles, save_profiles};
 use super::surface::WindowSurface;
-use super::unused::{name_of_moment, unused};
+use super::unused::{name_of_moment, unused, written};
 use super::video::WindowVideos;
 use super::viewer::{ViewerState, WindowRequest};
 use super::{ViewSettings, WindowError, WindowOptions, WindowSubject};
@@ -521,19 +521,18 @@ impl OpenWindow {
         self.viewer.state.say(text, self.egui.input(|input| input.time));
     }
 
-    /// An unused name in the working folder for a file that shows the present moment.
+    /// An unused name in the folder of the run for a file that shows the present moment.
     fn unused_file(&self, ending: &str) -> std::path::PathBuf {
         let (scenario, time_s) = (&self.viewer.experiment().name, self.viewer.interpolated().time_s);
-        unused(std::path::Path::new(""), &name_of_moment(scenario, time_s), ending)
+        unused(&self.viewer.files_folder(), &name_of_moment(scenario, time_s), ending)
     }
 
-    /// Writes a screenshot into the working folder.
+    /// Writes a screenshot into the folder of the run.
     fn keep(&mut self, image: Result<Image, WindowError>) {
         let file = self.unused_file(".png");
-        let written = image.and_then(|image| Ok(write_png(&file, &image)?));
-        let whole = std::path::absolute(&file).unwrap_or(file);
+        let saved = image.and_then(|image| Ok(write_png(&file, &image)?));
         let said =
-            written.map_or_else(|error| error.to_string(), |()| format!("Screenshot: {}", whole.display()));
+            saved.map_or_else(|error| error.to_string(), |()| format!("Screenshot: {}", written(&file)));
         self.say(said);
         self.schedule_frame(Duration::ZERO);
     }

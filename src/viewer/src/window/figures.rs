@@ -3,7 +3,7 @@
 
 use super::body_colours::Bodies;
 use super::path_figures::{PathFigures, merge_choices};
-use super::unused::name_of_moment;
+use super::unused::{name_of_moment, written};
 use crate::ui::{ChartKind, ChartState, ChartView, MergeChoice};
 use city3d_logbook::figures::chart::Figure;
 use city3d_logbook::figures::{FigureSize, RunLog, SeriesFigure, Trace, TraceBuilder, write};
@@ -11,7 +11,7 @@ use city3d_logbook::record::LogOrigin;
 use city3d_protocol::snapshot::VehicleId;
 use city3d_session::RunHistory;
 use city3d_simulation::scenario::Experiment;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, TryRecvError, channel};
 
@@ -241,9 +241,10 @@ impl LiveFigures {
         let folder = folder.to_path_buf();
         let (sender, receiver) = channel();
         let work = move || {
-            let place = std::path::absolute(folder.join(&name)).unwrap_or_else(|_| PathBuf::from(&name));
             let said = match write(&figure, FigureSize::Page, &folder) {
-                Ok(()) => format!("Chart: {}.svg, .png and .csv", place.display()),
+                Ok(()) => {
+                    format!("Chart, also as .png and .csv: {}", written(&folder.join(format!("{name}.svg"))))
+                }
                 Err(error) => error.to_string(),
             };
             // The window may have been closed.

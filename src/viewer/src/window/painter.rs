@@ -1,7 +1,7 @@
 //! Draws a frame of the window: the requested pictures of the city into textures, and the panels over them.
 
 use super::WindowError;
-use crate::ui::{self, Look, PictureRequest, PictureSlot, QualityPreset};
+use crate::ui::{self, Look, MORE_VIEWS, PictureRequest, PictureSlot, QualityPreset};
 use city3d_protocol::snapshot::{FrameSnapshot, VehicleId};
 use city3d_render::{
     BakedTextures, Context, Daylight, Image, Overlay, Quality, Renderer, Settings, TargetView, read_texture,
@@ -35,11 +35,22 @@ pub struct CityFrame {
     pub pictures: Vec<PictureRequest>,
     /// Lies over the large view.
     pub overlay: Overlay,
+    /// Lie over the views beside it.
+    pub view_overlays: [Overlay; MORE_VIEWS],
     /// Colours of bodies in the large views in place of their own; previews show what cameras see.
     pub tints: Vec<(VehicleId, [u8; 3])>,
 }
 
 impl CityFrame {
+    /// What lies over a picture.
+    fn overlay_of(&self, slot: PictureSlot) -> Option<&Overlay> {
+        match slot {
+            PictureSlot::City => Some(&self.overlay),
+            PictureSlot::View(index) => self.view_overlays.get(index),
+            PictureSlot::Preview(_) => None,
+        }
+    }
+
     /// The snapshot with the colours of the large views.
     fn tinted(&self) -> FrameSnapshot {
         let mut snapshot = self.snapshot.clone();
@@ -135,9 +146,9 @@ impl WindowPainter {
             [] => (pictures.iter().collect(), Vec::new()),
             _ => pictures.iter().partition(is_preview),
         };
-        self.draw_pictures(&frame.snapshot, &previews, &frame.overlay)?;
+        self.draw_pictures(&frame.snapshot, &previews, &frame)?;
         if !large.is_empty() {
-            self.draw_pictures(&frame.tinted(), &large, &frame.overlay)?;
+            self.draw_pictures(&frame.tinted(), &large, &frame)?;
         }
         self.drawn = Some(frame);
         Ok(())
@@ -147,7 +158,7 @@ impl WindowPainter {
         &mut self,
         snapshot: &FrameSnapshot,
         pictures: &[&PictureRequest],
-        overlay: &Overlay,
+        frame: &CityFrame,
     ) -> Result<(), WindowError> {
         let views: Vec<wgpu::TextureView> = pictures
             .iter()
@@ -159,7 +170,7 @@ impl WindowPainter {
             .zip(pictures)
             .map(|(color, picture)| TargetView {
                 kind: picture.kind,
-                overlay: (picture.slot == PictureSlot::City).then_some(overlay),
+                overlay: frame.overlay_of(picture.slot),
                 ..TargetView::new(color, FORMAT, picture.view.extent)
             })
             .collect();

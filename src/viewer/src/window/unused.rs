@@ -16,6 +16,15 @@ pub fn name_of_moment(scenario: &str, time_s: f64) -> String {
     format!("{scenario}-{time_s:.2}s")
 }
 
+/// A file that was written, for a notice: its name first, for long paths are cut.
+pub fn written(file: &Path) -> String {
+    let whole = std::path::absolute(file).unwrap_or_else(|_| file.to_path_buf());
+    match (whole.file_name(), whole.parent()) {
+        (Some(name), Some(folder)) => format!("{} in {}", name.display(), folder.display()),
+        _ => whole.display().to_string(),
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -24,6 +33,11 @@ mod tests {
     fn a_moment_is_named_by_scenario_and_time_without_folders() {
         assert_eq!(name_of_moment("roundabout", 12.3), "roundabout-12.30s");
         assert_eq!(name_of_moment("my run/2", 0.0), "my-run-2-0.00s");
+    }
+
+    #[test]
+    fn a_file_is_told_by_its_name_and_then_its_folder() {
+        assert_eq!(written(Path::new("/runs/run-1/a-1.00s.png")), "a-1.00s.png in /runs/run-1");
     }
 
     #[test]

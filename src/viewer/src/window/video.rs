@@ -1,6 +1,7 @@
 //! A video of the window, or of the city in it: pictures come as they are drawn, a thread of its own encodes them, and the file has
 //! its name when it is whole.
 
+use super::unused::written;
 use crate::ui::{DecimalSeparator, VideoKind, VideoRequest, VideoStatus, VideoSubject};
 use city3d_render::Image;
 use city3d_render::video::{FrameRate, Video, VideoError, VideoOutput};
@@ -129,8 +130,7 @@ impl VideoRecorder {
     pub(super) fn finish(mut self) -> Result<FinishedVideo, String> {
         let length_s = self.status().length_s;
         self.end().map_err(|error| error.to_string())?;
-        let file = std::path::absolute(&self.file).unwrap_or_else(|_| self.file.clone());
-        Ok(FinishedVideo { length_s, file })
+        Ok(FinishedVideo { length_s, file: self.file.clone() })
     }
 
     fn end(&mut self) -> Result<(), VideoError> {
@@ -148,7 +148,7 @@ pub(super) struct FinishedVideo {
 
 impl FinishedVideo {
     fn words(&self, decimal: DecimalSeparator) -> String {
-        format!("Video of {} s: {}", decimal.fixed(self.length_s, 1), self.file.display())
+        format!("Video of {} s: {}", decimal.fixed(self.length_s, 1), written(&self.file))
     }
 }
 
@@ -319,7 +319,7 @@ mod tests {
         assert!((recorder.status().length_s - 11.0 / 25.0).abs() < 1e-9);
         assert!(!file.exists(), "it has its name when it is whole");
         let said = recorder.finish().unwrap().words(DecimalSeparator::Point);
-        assert!(said.starts_with("Video of 0.4 s: /") && said.ends_with("seen.y4m"), "{said}");
+        assert!(said.starts_with("Video of 0.4 s: seen.y4m in /"), "{said}");
         let (header, lumas) = frames(&file);
         assert!(header.contains("W32 H20 F25:1"), "{header}");
         assert_eq!(lumas.len(), 11);

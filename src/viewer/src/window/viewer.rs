@@ -3,6 +3,7 @@
 mod editing;
 mod entering;
 mod kept;
+mod run_folder;
 mod seat;
 mod shown_status;
 #[cfg(test)]
@@ -24,7 +25,7 @@ use crate::ui::{
     UiState, VideoRequest, VideoStatus, ViewModel,
 };
 use city3d_logbook::record::LogOrigin;
-use city3d_protocol::snapshot::{FrameSnapshot, Status, VehicleId, VehicleSpec, VehicleState};
+use city3d_protocol::snapshot::{FrameSnapshot, VehicleId, VehicleSpec};
 use city3d_render::Context;
 use city3d_session::playback::{LogInfo, PastPlayer, PlaybackCommand, Player};
 use city3d_session::{
@@ -32,6 +33,7 @@ use city3d_session::{
 };
 use city3d_simulation::scenario::{Experiment, Library, ScenarioRequest, shipped_scenarios};
 use city3d_simulation::sim::World;
+use shown_status::before_start;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::time::Instant;
@@ -190,6 +192,7 @@ impl ViewerState {
         let experiment = Arc::clone(player.experiment());
         let request = ScenarioRequest { scenario: log, ..ScenarioRequest::default() };
         let mut viewer = Self::on(ViewedRun::Log(Box::new(player)), request, experiment, (look, recording));
+        viewer.again = run_folder::shipped_request(&viewer.experiment);
         viewer.tell_of_log(0.0);
         viewer
     }
@@ -317,6 +320,7 @@ impl ViewerState {
             snapshot: self.interpolated.clone(),
             pictures: self.state.pictures.clone(),
             overlay: self.state.overlay.clone(),
+            view_overlays: self.state.views.overlays.clone(),
             tints: self.state.tints.clone(),
         }
     }
@@ -453,7 +457,10 @@ impl ViewerState {
                 UiAction::GiveBack => self.give_back(now_s),
                 UiAction::Look(_) => requests.push(WindowRequest::Look),
                 UiAction::Screenshot => requests.push(WindowRequest::Screenshot),
-                UiAction::SaveChart => self.figures.save(std::path::Path::new(".")),
+                UiAction::SaveChart => {
+                    let folder = self.files_folder();
+                    self.figures.save(&folder);
+                }
                 UiAction::Video(video) => requests.push(WindowRequest::Video(video)),
                 UiAction::KeepDevices => requests.push(WindowRequest::KeepDevices),
                 UiAction::Quit => requests.push(WindowRequest::Quit),
@@ -463,7 +470,7 @@ impl ViewerState {
                 }
                 UiAction::Open(request) => requests.extend(self.open(&request, now_s)),
                 UiAction::Replay => requests.extend(self.replay(now_s)),
-                UiAction::RunAgain(seed) => requests.extend(self.run_again(seed)),
+                UiAction::RunAgain(otherwise) => requests.extend(self.run_again(otherwise)),
                 UiAction::CompareWith(other) => self.compare_with(&other),
                 UiAction::Edit(action) => requests.extend(self.edit(action, now_s)),
             }
@@ -502,7 +509,7 @@ impl ViewerState {
     /// Takes the new events of a live run, and tells of grave ones at once.
     fn announce_events(&mut self, run_state: &RunState, now_s: f64) {
         let known = self.events.read(&run_state.events);
-        let said_with = (&*self.state.keys, self.state.preferences.decimal);
+        let said_with = (&*self.state.keys, self.state.preferences.decimal, self.state.driving.is_some());
         if let Some(words) =
             ui::announcement(&self.scenario_info.names, &self.events.marks()[known..], said_with)
         {
@@ -570,26 +577,6 @@ impl ViewerState {
     pub fn city(&self) -> CityKind {
         self.city
     }
-}
-
-/// The state as it is shown: at its start nothing moves yet, whatever speeds vehicles will start with; in a log and in the
-/// past of a run as before the run has begun.
-fn before_start(run_state: Arc<RunState>) -> Arc<RunState> {
-    let is_at_start = run_state.phase == RunPhase::Ready || run_state.now.tick == 0;
-    if !is_at_start || run_state.link.is_some() {
-        return run_state;
-    }
-    let waiting = |snapshot: &FrameSnapshot| {
-        let mut snapshot = snapshot.clone();
-        let is_of_run =
-            |vehicle: &&mut VehicleState| !matches!(vehicle.status, Status::Physical | Status::Unseen);
-        for vehicle in snapshot.vehicles.iter_mut().filter(is_of_run) {
-            (vehicle.status, vehicle.speed_mps) = (Status::Waiting, 0.0);
-        }
-        Arc::new(snapshot)
-    };
-    let (before, now) = (waiting(&run_state.before), waiting(&run_state.now));
-    Arc::new(RunState { before, now, ..RunState::clone(&run_state) })
 }
 
 /// A clause as a sentence.

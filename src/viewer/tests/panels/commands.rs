@@ -122,7 +122,7 @@ fn the_palette_finds_actions_by_the_words_that_others_use() {
         ("result", "Show the result of the run"),
         ("summary", "Show the result of the run"),
         ("seed", "Start page: scenarios, recent files, recorded runs"),
-        ("environment", "Start page: scenarios, recent files, recorded runs"),
+        ("environment", "Run the scenario again in the ideal environment"),
         ("export", "Record a video, or end it"),
         ("export chart", "Save the chart as SVG, PNG and CSV"),
         ("export picture", "Save a screenshot"),
@@ -132,6 +132,13 @@ fn the_palette_finds_actions_by_the_words_that_others_use() {
         ("shortcuts", "Help: all keys and statuses"),
         ("crash", "Run until the next collision"),
         ("plot", "Charts of several vehicles"),
+        ("folder", "Open a scenario, a map or a log"),
+        ("mph", "Speeds in km/h"),
+        ("brightness", "Switch between dark and light theme"),
+        ("sunset", "Time of day: morning"),
+        ("snapshot", "Save a screenshot"),
+        ("font", "Larger interface"),
+        ("why", "Inspector: why the selected vehicle does what it does"),
     ] {
         open_palette(&mut harness);
         type_text(&mut harness, words);

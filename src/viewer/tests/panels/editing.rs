@@ -194,7 +194,18 @@ fn a_long_way_round_is_told_beside_its_lane() {
     desk.edit.as_mut().unwrap().vehicles[1].route = route;
     let mut harness = harness(desk);
     harness.get_by_label_contains("times the straight distance; to west-street/south/inner/3 beside it: ");
-    harness.get_by_label("\u{26a0} 3 vehicles, can be run; a long way round: car2");
+    let warning = "\u{26a0} 3 vehicles, can be run; a long way round: car2";
+    harness.get_by_label(warning);
+    let is_whole = harness.output().shapes.iter().any(|clipped| match &clipped.shape {
+        egui::Shape::Text(text) => {
+            let place = text.galley.rect.translate(text.pos.to_vec2());
+            text.galley.text() == warning
+                && !text.galley.elided
+                && clipped.clip_rect.expand(1.0).contains_rect(place)
+        }
+        _ => false,
+    });
+    assert!(is_whole, "the warning is cut");
     assert!(harness.query_by_label_contains("no problems").is_none(), "not beside a warning");
     harness.state_mut().edit.as_mut().unwrap().vehicles[1].route[1] = "west-street/south/inner/3".to_owned();
     harness.run_steps(2);

@@ -209,12 +209,20 @@ fn what_is_grave_is_counted_and_shown_where_and_when_it_happened() {
     assert_eq!(cues(&mut harness), [2.4, 2.45].map(PlaybackCommand::Show));
     let names: VehicleNames = fleet(6).roster.iter().map(|info| (info.id, info.name.clone())).collect();
     let keys = KeyMap::default();
-    let usual = (&keys, DecimalSeparator::Point);
+    let usual = (&keys, DecimalSeparator::Point, false);
     assert_eq!(announcement(&names, &some()[..1], usual), None, "a stop is usual");
     let said = announcement(&names, &some(), usual).unwrap();
     assert_eq!(said, "1.25 s: 3 car3, collision with 5, and 1 more (G shows the last)");
     let said = announcement(&names, &[lost], usual).unwrap();
     assert_eq!(said, "2.45 s: 5 car5, link lost (G shows it)");
+    let left = mark(2.5, 1, Occurrence::LeftRoad);
+    let said =
+        announcement(&names, std::slice::from_ref(&left), (&keys, DecimalSeparator::Point, true)).unwrap();
+    assert_eq!(said, "2.50 s: 1 car1, left the road", "no key shows the past to who drives");
+    harness.state_mut().events.push(left);
+    harness.run_steps(2);
+    click(&mut harness, "1 left the road");
+    assert_eq!(cues(&mut harness), [PlaybackCommand::Show(2.5)]);
 }
 
 #[test]

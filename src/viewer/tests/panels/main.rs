@@ -10,6 +10,7 @@ mod editing;
 mod insight;
 mod keys;
 mod layout;
+mod legibility;
 mod live_timeline;
 mod numbers;
 mod overlays;
@@ -199,23 +200,6 @@ fn scenarios_tell_what_they_are_about() {
     harness.get_by_label("city").hover();
     harness.run_steps(10);
     harness.get_by_label("What city is about");
-}
-
-#[test]
-fn who_left_the_road_is_told_why_it_stands() {
-    let mut desk = Desk::with(fleet(1));
-    desk.change(|now| {
-        now.vehicles[0].status = Status::Stopped;
-        now.vehicles[0].position = DVec3::new(4000.0, 0.0, 0.0);
-    });
-    desk.state.toggle_preview(VehicleId(1));
-    let mut harness = harness(desk);
-    for at in 0..2 {
-        let place = harness.get_all_by_label("stopped").nth(at).unwrap().rect().center();
-        harness.hover_at(place);
-        harness.run_steps(10);
-        assert!(harness.query_by_label_contains("Off the lanes").is_some(), "{at}");
-    }
 }
 
 #[test]

@@ -3,7 +3,7 @@
 #![allow(clippy::disallowed_methods, reason = "looks at what is drawn; no state depends on it")]
 
 use super::city::{has_text, place, spread, texts, vehicle_at};
-use super::desk::{Desk, harness, press};
+use super::desk::{Desk, click, harness, press};
 use city3d_protocol::snapshot::{ControlDecision, Status, VehicleId};
 use city3d_roadmap::LaneId;
 use city3d_sensors::{Lens, Mount};
@@ -161,7 +161,8 @@ fn where_many_routes_share_a_lane_one_line_tells_how_many() {
         desk.routes = (1..=count).map(|id| (VehicleId(id), vec![lane])).collect();
         desk.state.layers.all_routes = true;
         let harness = harness(desk);
-        assert!(has_text(&harness, "more than 7 routes: the wider, the more"));
+        let is_told = has_text(&harness, "more than 7 routes: the wider, the more");
+        assert_eq!(is_told, count > 7, "the legend tells what is drawn");
         let lines = &harness.state().state.overlay.lines;
         let colours: BTreeSet<[u8; 4]> = lines.iter().map(|line| line.paint.colour).collect();
         (lines.len(), colours.len(), lines[0].width)
@@ -276,4 +277,37 @@ fn vehicles_are_coloured_by_status_speed_or_waiting_time_and_the_legend_says_so(
     let [stands, drives] = colours(&harness);
     assert!(stands != drives, "it has been standing for half a minute");
     assert!(has_text(&harness, "waiting time: 0 to 60 s"));
+}
+
+#[test]
+fn the_legend_folds_to_its_title_and_by_itself_covers_no_more_than_half_of_a_small_view() {
+    let mut desk = following(20.0);
+    desk.state.layers.boxes = true;
+    desk.state.layers.zones = true;
+    let mut harness = harness(desk);
+    assert!(has_text(&harness, "collided") && has_text(&harness, "conflict zone: merge"));
+    click(&mut harness, "\u{23f7} Legend");
+    assert!(!has_text(&harness, "conflict zone: merge"));
+    click(&mut harness, "\u{23f5} Legend (7)");
+    assert!(has_text(&harness, "conflict zone: merge"));
+    harness.state_mut().state.layers.is_legend_open = None;
+    harness.set_size(egui::vec2(640.0, 400.0));
+    harness.run_steps(4);
+    assert!(!has_text(&harness, "conflict zone: merge"), "there is no room");
+    click(&mut harness, "\u{23f5} Legend (7)");
+    assert!(has_text(&harness, "conflict zone: merge"), "unless one wants it");
+}
+
+#[test]
+fn the_other_views_show_the_layers_too() {
+    let mut desk = following(12.0);
+    desk.state.layers.gaps = true;
+    desk.state.open.views[0] = true;
+    let mut harness = harness(desk);
+    harness.run_steps(4);
+    let state = &harness.state().state;
+    assert_eq!(state.views.overlays[0].lines.len(), state.overlay.lines.len());
+    assert!(!state.overlay.lines.is_empty());
+    let labels = texts(&harness).into_iter().filter(|text| text == "1 car1").count();
+    assert_eq!(labels, 2, "a label in each view");
 }

@@ -9,7 +9,9 @@ use city3d_session::{Order, RunPhase};
 use city3d_simulation::environment::EnvironmentProfile;
 use city3d_simulation::runner::{Observer, Summary};
 use city3d_simulation::scenario::Overrides;
-use city3d_viewer::ui::runs::{ComparedRuns, FilePurpose, OpenRequest, Problem, ResetQuestion, RunEntry};
+use city3d_viewer::ui::runs::{
+    ComparedRuns, FilePurpose, OpenRequest, Problem, ResetQuestion, RunAgain, RunEntry,
+};
 use city3d_viewer::ui::{DecimalSeparator, EditAction, PastView, SpeedUnit, UiAction};
 use egui::accesskit::Role;
 use egui::{Key, Modifiers};
@@ -325,7 +327,11 @@ fn a_finished_run_tells_what_came_of_it_and_what_can_be_done() {
     click(&mut harness, "Replay");
     click(&mut harness, "Run again");
     click(&mut harness, "Continue");
-    let expected = [UiAction::Replay, UiAction::RunAgain(Some(2)), UiAction::Order(Order::Start)];
+    let expected = [
+        UiAction::Replay,
+        UiAction::RunAgain(RunAgain { seed: Some(2), environment: None }),
+        UiAction::Order(Order::Start),
+    ];
     assert_eq!(harness.state().actions, expected);
     // It can be put away and fetched again, and the next run has a card of its own.
     let result = "Show the result of the run";

@@ -2,7 +2,7 @@
 
 use super::city::{picture, place, spread, texts};
 use super::desk::{Desk, click, fleet, harness, press, with};
-use city3d_protocol::snapshot::VehicleId;
+use city3d_protocol::snapshot::{Status, VehicleId};
 use city3d_sensors::PictureKind;
 use city3d_viewer::ui::{CameraMode, EditAction, ManualDrive, PictureSlot, UiAction};
 use egui::{Key, Modifiers, Shape};
@@ -53,17 +53,27 @@ fn a_preview_shows_depth_classes_and_instances() {
     let kind = |harness: &Harness<'static, Desk>| picture(harness, PictureSlot::Preview(VehicleId(1))).kind;
     assert_eq!(kind(&harness), PictureKind::Rgb);
     let mut shown = "windscreen".to_owned();
+    let mut below_at = None;
     for (name, wanted) in [
         ("depth", PictureKind::Depth),
         ("semantic classes", PictureKind::Semantic),
         ("instances", PictureKind::Instance),
     ] {
+        let below = harness.get_by_label("Gas 0.00").rect();
+        assert!(below_at.is_none_or(|before| before == below), "a longer name moves nothing");
+        below_at = Some(below);
         harness.get_by_value(&shown).click();
         harness.run_steps(4);
         harness.get_by_label(name).click();
         harness.run_steps(4);
         assert_eq!(kind(&harness), wanted);
-        shown = format!("windscreen, {name}");
+        shown = format!("{name}, windscreen");
+        let words = match wanted {
+            PictureKind::Depth => "Depth: 1 m",
+            PictureKind::Semantic => "building, wall, vegetation",
+            _ => "each vehicle has a colour of its own",
+        };
+        assert!(harness.query_by_label_contains(words).is_some(), "a legend tells {name}");
     }
     assert_eq!(picture(&harness, PictureSlot::City).kind, PictureKind::Rgb);
 }
@@ -104,6 +114,51 @@ fn who_drives_out_of_the_city_is_told_the_way_back() {
     harness.run_steps(3);
     harness.get_by_label_contains("You left the city");
     harness.get_by_label_contains(" m to the west");
+}
+
+#[test]
+fn who_drives_beside_the_road_is_told_so_and_what_is_solid() {
+    let mut desk = Desk::with(fleet(1));
+    let lane = desk.map.lanes.iter().max_by(|a, b| a.curve.length().total_cmp(&b.curve.length())).unwrap();
+    let on_lane = lane.curve.at(20.0).pose.position.extend(0.0);
+    // Of some places around the one that is farthest from all lanes, still in the city.
+    let off_m = |at: glam::DVec2| {
+        desk.map.lanes.iter().map(|lane| lane.curve.project(at).distance).fold(f64::INFINITY, f64::min)
+    };
+    let around = (-40..=40).flat_map(|x| (-40..=40).map(move |y| glam::DVec2::new(x.into(), y.into())));
+    let off_lane = around.max_by(|a, b| off_m(*a).total_cmp(&off_m(*b))).unwrap().extend(0.0);
+    desk.state.driving = Some(ManualDrive::take_over(VehicleId(1), 1, 0.0));
+    desk.run_state.phase = city3d_session::RunPhase::Running;
+    desk.change(|now| now.vehicles[0].position = on_lane);
+    let mut harness = harness(desk);
+    let told = |harness: &Harness<'static, Desk>| harness.query_by_label_contains("Off the road").is_some();
+    assert!(!told(&harness));
+    harness.get_by_label("solid: traffic, buildings, walls, hedges; not trees, people");
+    harness.state_mut().change(|now| now.vehicles[0].position = off_lane);
+    harness.run_steps(3);
+    assert!(told(&harness));
+    let mut map = (*harness.state().map).clone();
+    map.scenery.clear();
+    harness.state_mut().map = std::sync::Arc::new(map);
+    harness.run_steps(2);
+    harness.get_by_label("solid: traffic; not buildings, trees, people");
+}
+
+#[test]
+fn who_left_the_road_is_told_why_it_stands() {
+    let mut desk = Desk::with(fleet(1));
+    desk.change(|now| {
+        now.vehicles[0].status = Status::Stopped;
+        now.vehicles[0].position = DVec3::new(4000.0, 0.0, 0.0);
+    });
+    desk.state.toggle_preview(VehicleId(1));
+    let mut harness = harness(desk);
+    for at in 0..2 {
+        let place = harness.get_all_by_label("stopped").nth(at).unwrap().rect().center();
+        harness.hover_at(place);
+        harness.run_steps(10);
+        assert!(harness.query_by_label_contains("Off the lanes").is_some(), "{at}");
+    }
 }
 
 #[test]

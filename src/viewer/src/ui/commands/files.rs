@@ -1,9 +1,10 @@
 //! Actions that open files and runs.
 
-use super::{Availability, Command, Hint, ctrl, registry};
-use crate::ui::runs::{FilePurpose, ONLY_LOCAL};
+use super::{Availability, Command, CommandContext, Hint, ctrl, registry};
+use crate::ui::runs::{FilePurpose, ONLY_LOCAL, RunAgain};
 use crate::ui::{CityKind, ShownTime, UiAction, UiState, ViewModel};
 use city3d_session::playback::PlaybackCommand;
+use city3d_simulation::environment::EnvironmentProfile;
 use egui::Key;
 
 registry!(
@@ -22,9 +23,19 @@ registry!(
     })
     .known_as("difference results summaries side by side")
     .only(is_local),
-    RUN_AGAIN = Command::always("Run the scenario again", &[], |c| c.actions.push(UiAction::RunAgain(None)))
+    RUN_AGAIN = Command::always("Run the scenario again", &[], |c| run_again(c, None))
         .known_as("seed restart repeat")
         .only(may_run_again),
+    RUN_AGAIN_IDEAL = Command::always("Run the scenario again in the ideal environment", &[], |c| {
+        run_again(c, Some(EnvironmentProfile::Ideal));
+    })
+    .known_as("restart repeat no noise delay")
+    .only(may_run_again),
+    RUN_AGAIN_TESTBED = Command::always("Run the scenario again in the testbed environment", &[], |c| {
+        run_again(c, Some(EnvironmentProfile::Testbed));
+    })
+    .known_as("restart repeat noise delay loss laboratory")
+    .only(may_run_again),
     RESULT = Command::always("Show the result of the run", &[], |c| {
         if c.timeline.shown == ShownTime::Past {
             c.play(PlaybackCommand::Live);
@@ -60,6 +71,10 @@ fn of_own_run(shown: &ViewModel<'_>, has_it: bool, lacks: &'static str) -> Avail
         (CityKind::Local, None) => Availability::After(Hint::new(lacks)),
         _ => Availability::Never,
     }
+}
+
+fn run_again(context: &mut CommandContext<'_, '_>, environment: Option<EnvironmentProfile>) {
+    context.actions.push(UiAction::RunAgain(RunAgain { seed: None, environment }));
 }
 
 fn may_run_again(_: &UiState, shown: &ViewModel<'_>) -> Availability {

@@ -23,7 +23,12 @@ registry!(
         let theme = &mut c.state.preferences.theme;
         *theme = if *theme == Theme::Dark { Theme::Light } else { Theme::Dark };
     })
-    .known_as("mode contrast"),
+    .known_as("mode brightness bright night day projector appearance colours"),
+    HIGH_CONTRAST = Command::always("Switch the high-contrast theme on or off", &[], |c| {
+        let theme = &mut c.state.preferences.theme;
+        *theme = if *theme == Theme::HighContrast { Theme::Dark } else { Theme::HighContrast };
+    })
+    .known_as("accessibility low vision readable black white brightness"),
     COLOURS = Command::always("Switch between usual and colour-blind status colours", &[], |c| {
         let colours = &mut c.state.preferences.colours;
         let is_usual = *colours == StatusColours::Usual;

@@ -77,17 +77,17 @@ registry!(
     .known_as("live now")
     .only(is_played)
     .within(Scope::PLAYED),
-    GRAVE_EVENT = Command::always("Go to the last collision, long stop or lost link", &[key(Key::G)], |c| {
+    GRAVE_EVENT = Command::always("Go to the last serious event", &[key(Key::G)], |c| {
         if let Some(command) = timeline::to_grave_event(c.timeline, c.state) {
             c.play(command);
         }
     })
-    .known_as("jump crash accident")
+    .known_as("jump crash accident collision long stop lost link left the road grave")
     .only(|state, shown| match state.events.last_grave(shown.events) {
         Some(_) => looks_back(state, shown),
         None => {
             Availability::After(Hint::new(
-                "No vehicle has collided, stopped for long or lost its link so far",
+                "No vehicle has collided, stopped for long, left the road or lost its link so far",
             ))
         }
     })

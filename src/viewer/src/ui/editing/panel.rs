@@ -20,7 +20,9 @@ pub fn show(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>, actions: &m
     ui.separator();
     tools(ui, state, edit, actions);
     ui.separator();
-    let problems_height = if edit.problems.is_empty() { NO_PROBLEMS_HEIGHT } else { PROBLEMS_HEIGHT };
+    let detours = state.editing.detours.names(shown.map, edit).to_vec();
+    let has_some = !edit.problems.is_empty() || !detours.is_empty();
+    let problems_height = if has_some { PROBLEMS_HEIGHT } else { NO_PROBLEMS_HEIGHT };
     let problems_height = problems_height.min(ui.available_height() / 3.0);
     let separator_height = 2.0 * ui.spacing().item_spacing.y + 6.0;
     let form_height = ui.available_height() - problems_height - separator_height;
@@ -38,8 +40,8 @@ pub fn show(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>, actions: &m
         }
     });
     ui.separator();
-    let detours = state.editing.detours.names(shown.map, edit);
-    ScrollArea::vertical().id_salt("problems").auto_shrink(false).show(ui, |ui| problems(ui, edit, detours));
+    let list = ScrollArea::vertical().id_salt("problems").auto_shrink(false);
+    list.show(ui, |ui| problems(ui, edit, &detours));
 }
 
 /// What the card of the scenario says of it.
@@ -132,7 +134,7 @@ fn problems(ui: &mut Ui, edit: &EditView<'_>, detours: &[String]) {
         let text = format!("\u{26a0} {vehicles}, can be run; a long way round: {}", detours.join(", "));
         let text = RichText::new(text).color(ui.visuals().warn_fg_color);
         let tip = "Select the vehicle: its route below tells which way is long";
-        ui.add(egui::Label::new(text).truncate()).on_hover_text(format!("{}\n{tip}", detours.join(", ")));
+        ui.add(egui::Label::new(text).wrap()).on_hover_text(tip);
     } else if edit.problems.is_empty() {
         ui.label(format!("\u{2714} {vehicles}, no problems"));
     }

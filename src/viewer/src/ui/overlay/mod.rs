@@ -5,7 +5,7 @@ mod roads;
 mod vehicles;
 
 pub(super) use roads::{
-    CROSSING, EDITED, LANE, MANY_ROUTES, MERGE, ROUTE, ROUTES_APART, body_colour, whole_lane,
+    CROSSING, EDITED, LANE, MANY_ROUTES, MERGE, ROUTE, ROUTES_APART, body_colour, has_many_routes, whole_lane,
 };
 pub(super) use vehicles::{CLOSE_GAP, CLOSE_S, DRIVEN, FRUSTUM, GAP, MEASURED, PLANNED, bumper_gap};
 

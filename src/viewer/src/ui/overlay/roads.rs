@@ -141,13 +141,7 @@ fn routes(overlay: &mut Overlay, state: &UiState, shown: &ViewModel<'_>) {
 /// Routes of all vehicles but one, lane by lane: a few thin ones beside one another in the colours of the bodies, so that
 /// none hides another; many as one line.
 fn all_routes(overlay: &mut Overlay, but: Option<VehicleId>, shown: &ViewModel<'_>) {
-    let mut on_lanes: BTreeMap<LaneId, Vec<VehicleId>> = BTreeMap::new();
-    for vehicle in shown.interpolated.vehicles.iter().filter(|vehicle| Some(vehicle.id) != but) {
-        for lane in lanes_of(shown, vehicle.id) {
-            on_lanes.entry(lane).or_default().push(vehicle.id);
-        }
-    }
-    for (lane, vehicles) in on_lanes {
+    for (lane, vehicles) in routes_on_lanes(but, shown) {
         let count = vehicles.len();
         if count > ROUTES_APART {
             let width = (MANY_ROUTES_WIDTH + WIDTH_OF_ROUTE * count as f32).min(WIDEST_ROUTES);
@@ -160,6 +154,22 @@ fn all_routes(overlay: &mut Overlay, but: Option<VehicleId>, shown: &ViewModel<'
             overlay.polyline(&points, 1.6, paint(body_colour(shown, id), 0.55));
         }
     }
+}
+
+/// The vehicles whose routes use each lane, without one of them.
+fn routes_on_lanes(but: Option<VehicleId>, shown: &ViewModel<'_>) -> BTreeMap<LaneId, Vec<VehicleId>> {
+    let mut on_lanes: BTreeMap<LaneId, Vec<VehicleId>> = BTreeMap::new();
+    for vehicle in shown.interpolated.vehicles.iter().filter(|vehicle| Some(vehicle.id) != but) {
+        for lane in lanes_of(shown, vehicle.id) {
+            on_lanes.entry(lane).or_default().push(vehicle.id);
+        }
+    }
+    on_lanes
+}
+
+/// Whether a lane has more routes than lie beside one another.
+pub fn has_many_routes(but: Option<VehicleId>, shown: &ViewModel<'_>) -> bool {
+    routes_on_lanes(but, shown).values().any(|vehicles| vehicles.len() > ROUTES_APART)
 }
 
 /// The lanes of a vehicle's route, each once.

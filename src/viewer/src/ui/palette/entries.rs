@@ -1,5 +1,6 @@
 //! What the palette lists: the actions of the registry, and choices that only the city's state knows.
 
+use super::synonyms;
 use crate::ui::bar::{SPEEDS, speed_label};
 use crate::ui::commands::{self, Availability, Command, CommandContext, KeyMap};
 use crate::ui::events::named;
@@ -43,6 +44,18 @@ impl Entry {
         }
     }
 
+    /// All words that it has, in lower case.
+    fn text(&self) -> String {
+        format!("{} {}", self.name, self.known_as).to_lowercase()
+    }
+
+    /// How well it matches; last what means the words without having them.
+    fn rank(&self, words: &str) -> u8 {
+        let text = self.text();
+        let has_all = words.split_whitespace().all(|word| text.contains(word));
+        if has_all { rank(&self.name, words) } else { MEANT }
+    }
+
     fn choice(name: String, does: Deed) -> Self {
         Self { name, known_as: "", key: String::new(), availability: Availability::Now, does }
     }
@@ -64,12 +77,12 @@ pub(super) fn matching(words: &str, state: &UiState, shown: &ViewModel<'_>) -> V
     let mut found: Vec<_> = actions
         .chain(choices)
         .filter(|entry| {
-            let text = format!("{} {}", entry.name, entry.known_as).to_lowercase();
-            words.split_whitespace().all(|word| text.contains(word))
+            let text = entry.text();
+            words.split_whitespace().all(|word| text.contains(word) || synonyms::means(word, &text))
         })
         .filter(|entry| entry.availability != Availability::Never)
         .collect();
-    found.sort_by_key(|entry| (rank(&entry.name, &words), entry.availability != Availability::Now));
+    found.sort_by_cached_key(|entry| (entry.rank(&words), entry.availability != Availability::Now));
     found
 }
 
@@ -95,6 +108,9 @@ fn choices(state: &UiState, shown: &ViewModel<'_>) -> Vec<Entry> {
     });
     vehicles.chain(scenarios).chain(speeds).collect()
 }
+
+/// Rank of what has the words neither in its name nor among its other words.
+const MEANT: u8 = 5;
 
 /// How well a name matches: the whole, its beginning, beginnings of words, anything else; last what has the words by
 /// another name.

@@ -1,11 +1,14 @@
 //! The card of a finished run: what came of it, and what to do next.
 
+use super::super::traffic;
 use super::super::{CityKind, DecimalSeparator, UiAction, UiState, ViewModel};
-use super::fields::seed;
+use super::RunAgain;
+use super::fields::{environment, seed};
 use city3d_logbook::figures::some_names;
 use city3d_logbook::measures::RunMeasures;
 use city3d_protocol::snapshot::Status;
 use city3d_session::{Order, RunPhase};
+use city3d_simulation::environment::EnvironmentProfile;
 use city3d_simulation::measures::{TrafficMeasures, TrafficReport};
 use egui::{Grid, RichText, TextEdit, Ui};
 
@@ -26,6 +29,8 @@ pub struct EndCard {
     shown: Option<u32>,
     /// The seed of the next run as it is typed, and the run after which it is.
     seed: (String, Option<u32>),
+    /// Environment of the next run; `None` for that of this one.
+    environment: Option<EnvironmentProfile>,
 }
 
 impl EndCard {
@@ -63,6 +68,7 @@ pub(super) fn window(ui: &Ui, state: &mut UiState, shown: &ViewModel<'_>, action
     card.shown = Some(run_state.run);
     if card.seed.1 != Some(run_state.run) {
         card.seed = (outcome.seed.wrapping_add(1).to_string(), Some(run_state.run));
+        card.environment = None;
     }
     let measures = RunMeasures::of(outcome);
     let units = state.preferences.units;
@@ -110,7 +116,7 @@ pub(super) fn window(ui: &Ui, state: &mut UiState, shown: &ViewModel<'_>, action
             }
         });
         if shown.runs.may_run_again {
-            run_again(ui, &mut card.seed.0, actions);
+            run_again(ui, card, actions);
         }
     });
     if !is_open {
@@ -118,6 +124,16 @@ pub(super) fn window(ui: &Ui, state: &mut UiState, shown: &ViewModel<'_>, action
     }
     if compares {
         state.runs.comparison.choose();
+    }
+}
+
+/// What a measure is, in the words of the panel Traffic.
+fn tip_of(name: &str) -> Option<&'static str> {
+    match name {
+        "Stops" => Some(traffic::STOPS),
+        "Throughput" => Some(traffic::FLOW),
+        "Mean delay" => Some(traffic::DELAY),
+        _ => None,
     }
 }
 
@@ -132,7 +148,10 @@ fn results(
     let longest = drivers.max_by(|a, b| a.longest_stand_s.total_cmp(&b.longest_stand_s));
     Grid::new("results").num_columns(2).spacing([18.0, 3.0]).show(ui, |ui| {
         let mut row = |name: &str, value: String, is_bad: bool| {
-            ui.label(name);
+            let label = ui.label(name);
+            if let Some(tip) = tip_of(name) {
+                label.on_hover_text(tip);
+            }
             let value = RichText::new(value).strong();
             ui.label(if is_bad { value.color(ui.visuals().error_fg_color) } else { value });
             ui.end_row();
@@ -175,6 +194,10 @@ fn results(
     });
 }
 
+/// What is in the folder of a run.
+const FOLDER: &str =
+    "Log, table and summary; screenshots, videos and charts of the run are written there, too";
+
 fn log(ui: &mut Ui, shown: &ViewModel<'_>) {
     let Some(folder) = &shown.run_state.folder else {
         ui.label("The run was not recorded.");
@@ -182,7 +205,7 @@ fn log(ui: &mut Ui, shown: &ViewModel<'_>) {
     };
     let path = folder.display().to_string();
     ui.horizontal(|ui| {
-        ui.label("Log:");
+        ui.label("Folder of the run:").on_hover_text(FOLDER);
         if ui.button("Copy path").clicked() {
             ui.ctx().copy_text(path.clone());
         }
@@ -190,15 +213,17 @@ fn log(ui: &mut Ui, shown: &ViewModel<'_>) {
     ui.add(egui::Label::new(RichText::new(path).small()).wrap());
 }
 
-fn run_again(ui: &mut Ui, text: &mut String, actions: &mut Vec<UiAction>) {
-    let found = seed(text);
-    ui.horizontal(|ui| {
-        let tip = "The same scenario from its beginning, with this seed";
+fn run_again(ui: &mut Ui, card: &mut EndCard, actions: &mut Vec<UiAction>) {
+    let found = seed(&card.seed.0);
+    ui.horizontal_wrapped(|ui| {
+        let tip = "The same scenario from its beginning, with this seed and in this environment";
         if ui.add_enabled(found.is_ok(), egui::Button::new("Run again")).on_hover_text(tip).clicked() {
-            actions.push(UiAction::RunAgain(found.clone().ok()));
+            let again = RunAgain { seed: found.clone().ok(), environment: card.environment };
+            actions.push(UiAction::RunAgain(again));
         }
         let label = ui.label("with seed");
-        ui.add(TextEdit::singleline(text).desired_width(70.0)).labelled_by(label.id);
+        ui.add(TextEdit::singleline(&mut card.seed.0).desired_width(70.0)).labelled_by(label.id);
+        environment(ui, &mut card.environment, "as before");
     });
     if let Err(why) = found {
         ui.colored_label(ui.visuals().error_fg_color, why);

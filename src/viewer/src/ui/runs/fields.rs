@@ -60,14 +60,13 @@ impl OpenFields {
             ui.label(RichText::new("Open with").strong());
             field(ui, "Seed", &mut self.seed, "Seed of all random draws");
             field(ui, "Duration, s", &mut self.duration, "Simulated seconds");
-            let environments = EnvironmentProfile::ALL.map(|profile| (profile, profile.name().to_owned()));
-            let tip = "Between control and vehicles: ideal, or the delays, noise and losses of a testbed";
-            choice(ui, "Environment", &mut self.environment, &environments, tip);
+            environment(ui, &mut self.environment, AS_STATED);
             let models = [(ModelKind::Raycast, "raycast"), (ModelKind::Bicycle, "bicycle")];
             let tip = "Dynamics of all vehicles: rigid bodies on four tyres (raycast), or the kinematic bicycle model";
-            choice(ui, "Dynamics", &mut self.model, &models.map(|(model, name)| (model, name.to_owned())), tip);
+            let models = models.map(|(model, name)| (model, name.to_owned()));
+            choice(ui, "Dynamics", &mut self.model, (AS_STATED, &models), tip);
             let times = TIMES.map(|(hours, _)| (hours, time_label(hours)));
-            choice(ui, "Light", &mut self.hours, &times, "Time of day");
+            choice(ui, "Light", &mut self.hours, (AS_STATED, &times), "Time of day");
             if *self != Self::default() && ui.button("Clear").on_hover_text("All as in the scenario").clicked() {
                 *self = Self::default();
             }
@@ -86,22 +85,31 @@ fn field(ui: &mut Ui, name: &'static str, text: &mut String, tip: &str) {
     });
 }
 
+/// In a field whose value is that of the scenario.
+const AS_STATED: &str = "scenario's";
+
+/// The list of environments, with a word for the one that is there anyway.
+pub(super) fn environment(ui: &mut Ui, chosen: &mut Option<EnvironmentProfile>, usual: &str) {
+    let all = EnvironmentProfile::ALL.map(|profile| (profile, profile.name().to_owned()));
+    let tip = "Between control and vehicles: ideal, or the delays, noise and losses of a testbed";
+    choice(ui, "Environment", chosen, (usual, &all), tip);
+}
+
 fn choice<T: Copy + PartialEq>(
     ui: &mut Ui,
     name: &'static str,
     chosen: &mut Option<T>,
-    all: &[(T, String)],
+    (usual, all): (&str, &[(T, String)]),
     tip: &str,
 ) {
-    const USUAL: &str = "scenario's";
     together(ui, name, false, |ui| {
         ui.label(name);
-        let present = all.iter().find(|(value, _)| Some(*value) == *chosen).map_or(USUAL, |(_, label)| label);
+        let present = all.iter().find(|(value, _)| Some(*value) == *chosen).map_or(usual, |(_, label)| label);
         ComboBox::from_id_salt(name)
             .selected_text(present)
             .width(72.0)
             .show_ui(ui, |ui| {
-                ui.selectable_value(chosen, None, USUAL);
+                ui.selectable_value(chosen, None, usual);
                 for (value, label) in all {
                     ui.selectable_value(chosen, Some(*value), label);
                 }

@@ -19,6 +19,7 @@ pub use question::{Problem, ResetQuestion};
 pub use start_page::StartPage;
 
 use super::{CityKind, UiAction, UiState, ViewModel};
+use city3d_simulation::environment::EnvironmentProfile;
 use city3d_simulation::scenario::Overrides;
 use egui::{Align2, Color32, FontId, Id, LayerId, Order, Ui};
 use std::path::{Path, PathBuf};
@@ -34,6 +35,15 @@ pub struct OpenRequest {
     pub hours: Option<f64>,
     /// The run starts at once.
     pub starts: bool,
+}
+
+/// What is otherwise when a scenario is run again.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct RunAgain {
+    /// Another seed; `None` for that of the run before.
+    pub seed: Option<u64>,
+    /// Another environment; `None` for that of the run before.
+    pub environment: Option<EnvironmentProfile>,
 }
 
 /// A recorded run that can be opened.

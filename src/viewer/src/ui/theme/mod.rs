@@ -12,7 +12,7 @@ pub use decimal::{DecimalSeparator, typed};
 pub use preferences::{Preferences, SCALES, SpeedUnit, StatusColours, Theme};
 
 use city3d_protocol::snapshot::Status;
-use egui::{Color32, Context, FontId, Id, Rangef, Stroke, Ui, Visuals};
+use egui::{Color32, Context, FontId, Id, Rangef, Stroke, TextStyle, Ui, Visuals};
 use egui_plot::AxisHints;
 
 /// Gives the context the user's theme and scale, once after a change.
@@ -23,6 +23,7 @@ pub(super) fn apply(context: &Context, preferences: Preferences) {
     let (theme, visuals) = match preferences.theme {
         Theme::Dark => (egui::Theme::Dark, dark()),
         Theme::Light => (egui::Theme::Light, light()),
+        Theme::HighContrast => (egui::Theme::Dark, high_contrast()),
     };
     context.set_theme(theme);
     context.set_visuals_of(theme, visuals);
@@ -33,6 +34,9 @@ pub(super) fn apply(context: &Context, preferences: Preferences) {
             decimal.written(egui::emath::format_with_decimals_in_range(number, decimals))
         };
         style.number_formatter = egui::style::NumberFormatter::new(written);
+        style.text_styles.insert(TextStyle::Small, FontId::proportional(SMALL));
+        // A bar over the last digit of a column hides it.
+        style.spacing.scroll.floating_allocated_width = SCROLL_BAR;
         // A faded entry at the edge of a list looks as if it could not be chosen.
         style.spacing.scroll.fade.strength = 0.0;
     });
@@ -40,6 +44,11 @@ pub(super) fn apply(context: &Context, preferences: Preferences) {
     context.options_mut(|options| options.zoom_with_keyboard = false);
     context.data_mut(|data| data.insert_temp(Id::unique(KEY), preferences));
 }
+
+/// Size of the smallest texts, points.
+pub const SMALL: f32 = 11.0;
+/// Room beside what is scrolled for its bar, points.
+const SCROLL_BAR: f32 = 9.0;
 
 /// Where a context has the preferences that were applied to it.
 const KEY: &str = "preferences";
@@ -55,7 +64,7 @@ pub fn decimal(context: &Context) -> DecimalSeparator {
 
 /// An axis of a small plot.
 pub fn small_axis(ui: &Ui, axis: AxisHints<'static>) -> AxisHints<'static> {
-    axis.tick_label_font(FontId::monospace(9.0))
+    axis.tick_label_font(FontId::proportional(SMALL))
         .tick_label_color(ui.visuals().text_color())
         .label_spacing(Rangef::new(6.0, 8.0))
 }
@@ -63,7 +72,7 @@ pub fn small_axis(ui: &Ui, axis: AxisHints<'static>) -> AxisHints<'static> {
 /// The axis of the values of a small plot, in the user's decimals.
 pub fn value_axis(ui: &Ui) -> AxisHints<'static> {
     let decimal = decimal(ui.ctx());
-    let axis = small_axis(ui, AxisHints::new_y()).min_thickness(26.0);
+    let axis = small_axis(ui, AxisHints::new_y()).min_thickness(28.0);
     axis.formatter(move |mark, _| decimal.plain(mark.value))
 }
 
@@ -81,6 +90,7 @@ fn ground_of(theme: Theme) -> Color32 {
     match theme {
         Theme::Dark => Color32::from_gray(27),
         Theme::Light => Color32::from_gray(248),
+        Theme::HighContrast => Color32::BLACK,
     }
 }
 
@@ -91,6 +101,8 @@ const BRIGHTEST_LABEL: Color32 = Color32::from_gray(40);
 /// Least contrasts of texts and of lines (WCAG 2.2, success criteria 1.4.3 and 1.4.11).
 const TEXT_CONTRAST: f64 = 4.5;
 const LINE_CONTRAST: f64 = 3.0;
+/// Least contrast of texts in the theme of high contrast (success criterion 1.4.6, level AAA).
+const HIGH_CONTRAST: f64 = 7.0;
 
 fn dark() -> Visuals {
     let mut visuals = Visuals::dark();
@@ -120,6 +132,38 @@ fn light() -> Visuals {
     visuals
 }
 
+/// White on black with visible edges of all widgets.
+fn high_contrast() -> Visuals {
+    let mut visuals = Visuals::dark();
+    let ground = ground_of(Theme::HighContrast);
+    (visuals.panel_fill, visuals.window_fill) = (ground, ground);
+    (visuals.extreme_bg_color, visuals.faint_bg_color) = (ground, Color32::from_gray(18));
+    visuals.text_edit_bg_color = Some(ground);
+    visuals.weak_text_color = Some(Color32::from_gray(215));
+    visuals.window_stroke = Stroke::new(2.0, Color32::from_gray(200));
+    visuals.selection.bg_fill = SELECTED_IN_HIGH_CONTRAST;
+    visuals.selection.stroke = Stroke::new(1.5, Color32::from_rgb(255, 240, 120));
+    visuals.warn_fg_color = Color32::from_rgb(255, 205, 60);
+    visuals.error_fg_color = Color32::from_rgb(255, 165, 165);
+    visuals.hyperlink_color = Color32::from_rgb(150, 205, 255);
+    let widgets = &mut visuals.widgets;
+    for (widget, fill, edge) in [
+        (&mut widgets.noninteractive, 0, 150),
+        (&mut widgets.inactive, 22, 190),
+        (&mut widgets.hovered, 45, 255),
+        (&mut widgets.active, 65, 255),
+        (&mut widgets.open, 45, 255),
+    ] {
+        (widget.bg_fill, widget.weak_bg_fill) = (Color32::from_gray(fill), Color32::from_gray(fill));
+        widget.bg_stroke = Stroke::new(1.0, Color32::from_gray(edge));
+        widget.fg_stroke = Stroke::new(1.5, Color32::WHITE);
+    }
+    visuals
+}
+
+/// The lightest ground of texts in the theme of high contrast.
+const SELECTED_IN_HIGH_CONTRAST: Color32 = Color32::from_rgb(0, 34, 78);
+
 /// The colour of a status on a panel.
 pub fn on_panel(context: &Context, status: Status) -> Color32 {
     let preferences = of(context).unwrap_or_default();
@@ -128,7 +172,9 @@ pub fn on_panel(context: &Context, status: Status) -> Color32 {
 
 /// The colour of a status on a picture of the city, which is as dark in every theme.
 pub fn on_picture(context: &Context, status: Status) -> Color32 {
-    status_colour(Theme::Dark, of(context).unwrap_or_default().colours, status)
+    let Preferences { theme, colours, .. } = of(context).unwrap_or_default();
+    let theme = if theme == Theme::HighContrast { theme } else { Theme::Dark };
+    status_colour(theme, colours, status)
 }
 
 /// A colour of the city, as of a body, for a text on the dark ground of labels over a picture.
@@ -156,6 +202,7 @@ fn readable(theme: Theme, colour: Color32) -> Color32 {
     const DARKER: f32 = 0.43;
     match theme {
         Theme::Dark => colour,
+        Theme::HighContrast => legible(colour, SELECTED_IN_HIGH_CONTRAST, HIGH_CONTRAST),
         Theme::Light => {
             let [r, g, b] = [colour.r(), colour.g(), colour.b()].map(|c| (f32::from(c) * DARKER) as u8);
             Color32::from_rgb(r, g, b)
@@ -164,8 +211,11 @@ fn readable(theme: Theme, colour: Color32) -> Color32 {
 }
 
 fn status_colour(theme: Theme, colours: StatusColours, status: Status) -> Color32 {
+    if theme == Theme::HighContrast {
+        return readable(theme, status_colour(Theme::Dark, colours, status));
+    }
     let [r, g, b] = match (theme, colours) {
-        (Theme::Dark, StatusColours::Usual) => match status {
+        (Theme::Dark | Theme::HighContrast, StatusColours::Usual) => match status {
             Status::Waiting => [165, 165, 165],
             Status::Driving => [120, 200, 120],
             Status::Yielding => [235, 195, 80],
@@ -189,7 +239,7 @@ fn status_colour(theme: Theme, colours: StatusColours, status: Status) -> Color3
             Status::Physical => [0, 95, 100],
             Status::Unseen => [120, 50, 50],
         },
-        (Theme::Dark, StatusColours::ColourBlind) => match status {
+        (Theme::Dark | Theme::HighContrast, StatusColours::ColourBlind) => match status {
             Status::Waiting => [160, 160, 160],
             Status::Driving => [86, 180, 233],
             Status::Yielding => [250, 240, 150],

@@ -1,7 +1,7 @@
 //! Preferences of the user: theme, status colours, scale of the interface, and units. All are kept in the settings.
 
 use super::DecimalSeparator;
-use city3d_geometry::{LengthScale, trig};
+use city3d_geometry::{KMH_PER_MPS, LengthScale, trig};
 use city3d_logbook::figures::FigureScale;
 use serde::{Deserialize, Serialize};
 
@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct Preferences {
-    /// Dark, or light as for projectors.
+    /// Dark, light as for projectors, or of high contrast.
     pub theme: Theme,
     /// Colours of statuses.
     pub colours: StatusColours,
@@ -65,6 +65,8 @@ pub enum Theme {
     Dark,
     /// Dark texts on light panels, for projectors and bright rooms.
     Light,
+    /// White texts on black panels, edges of all widgets.
+    HighContrast,
 }
 
 impl std::str::FromStr for Theme {
@@ -74,7 +76,8 @@ impl std::str::FromStr for Theme {
         match text {
             "dark" => Ok(Self::Dark),
             "light" => Ok(Self::Light),
-            _ => Err("dark or light is needed".to_owned()),
+            "high-contrast" => Ok(Self::HighContrast),
+            _ => Err("dark, light or high-contrast is needed".to_owned()),
         }
     }
 }
@@ -123,7 +126,7 @@ impl SpeedUnit {
     /// A speed of the city, m/s, in this unit.
     pub fn of(self, speed_mps: f64, scale: LengthScale) -> f64 {
         match self {
-            Self::KmPerHour => speed_mps * 3.6,
+            Self::KmPerHour => speed_mps * KMH_PER_MPS,
             Self::MetrePerSecond => speed_mps,
             Self::LabMetrePerSecond => scale.lab_from_city(speed_mps),
         }

@@ -2,14 +2,20 @@
 
 use super::contrast::vision::{DEUTERANOPE, difference_to};
 use super::contrast::{contrast, legible};
-use super::{StatusColours, Theme, dark, ground_of, light, readable, status_colour};
+use super::{StatusColours, Theme, dark, ground_of, high_contrast, light, readable, status_colour};
 use city3d_protocol::snapshot::Status;
 use egui::{Color32, Visuals};
 
-const THEMES: [(Theme, fn() -> Visuals); 2] = [(Theme::Dark, dark), (Theme::Light, light)];
+const THEMES: [(Theme, fn() -> Visuals); 3] =
+    [(Theme::Dark, dark), (Theme::Light, light), (Theme::HighContrast, high_contrast)];
 const COLOURS: [StatusColours; 2] = [StatusColours::Usual, StatusColours::ColourBlind];
 /// Level AA for text of usual size (WCAG 2.2, success criterion 1.4.3).
 const LEAST_CONTRAST: f64 = 4.5;
+
+/// The theme of high contrast reaches level AAA (success criterion 1.4.6).
+fn least_contrast(theme: Theme) -> f64 {
+    if theme == Theme::HighContrast { 7.0 } else { LEAST_CONTRAST }
+}
 
 #[test]
 fn the_contrast_of_known_pairs_is_that_of_the_definition() {
@@ -60,7 +66,7 @@ fn every_text_can_be_read_on_its_background() {
         }
         for (name, text, background) in pairs {
             let ratio = contrast(text, background);
-            assert!(ratio >= LEAST_CONTRAST, "{theme:?}, {name}: {ratio:.2}");
+            assert!(ratio >= least_contrast(theme), "{theme:?}, {name}: {ratio:.2}");
         }
     }
 }
@@ -71,7 +77,7 @@ fn names_of_control_zones_can_be_read_on_panels() {
         for zone in 0..4 {
             let colour = readable(theme, crate::ui::control_zones::zone_colour(zone));
             let ratio = contrast(colour, ground_of(theme));
-            assert!(ratio >= LEAST_CONTRAST, "{theme:?}, zone {zone}: {ratio:.2}");
+            assert!(ratio >= least_contrast(theme), "{theme:?}, zone {zone}: {ratio:.2}");
         }
     }
 }
@@ -122,4 +128,25 @@ fn a_body_of_any_colour_is_legible_over_the_city_and_in_charts() {
     }
     let green = Color32::from_rgb(120, 220, 130);
     assert_eq!(super::text_on_picture(green), green, "what is legible stays");
+}
+
+#[test]
+fn the_theme_of_high_contrast_shows_errors_and_the_edges_of_widgets() {
+    let visuals = high_contrast();
+    for (name, background) in backgrounds(Theme::HighContrast, &visuals) {
+        for (text, colour) in [("error", visuals.error_fg_color), ("link", visuals.hyperlink_color)] {
+            let ratio = contrast(colour, background);
+            assert!(ratio >= 7.0, "{text} on {name}: {ratio:.2}");
+        }
+    }
+    // Success criterion 1.4.11, with the margin of the theme.
+    let widgets = &visuals.widgets;
+    for widget in [widgets.inactive, widgets.hovered, widgets.active, widgets.open] {
+        assert!(contrast(widget.bg_stroke.color, ground_of(Theme::HighContrast)) >= 4.5);
+    }
+    let is_edged = |of: fn() -> Visuals| of().widgets.inactive.bg_stroke.width > 0.0;
+    assert!(
+        is_edged(high_contrast) && !is_edged(dark),
+        "the other themes tell buttons by their ground alone"
+    );
 }

@@ -259,9 +259,11 @@ fn marks(painter: &egui::Painter, rect: Rect, scale: &TimeAxis, state: &UiState,
     for MarkCluster { x, kind, .. } in cluster_marks {
         // More severe marks are taller.
         let (height, is_grave) = match kind {
-            MarkKind::Collision | MarkKind::Link | MarkKind::LongStop | MarkKind::Person => {
-                (full - 1.0, true)
-            }
+            MarkKind::Collision
+            | MarkKind::Link
+            | MarkKind::LeftRoad
+            | MarkKind::LongStop
+            | MarkKind::Person => (full - 1.0, true),
             MarkKind::Merge | MarkKind::Yield | MarkKind::Stop => {
                 (full * if is_crowded { 0.43 } else { 0.64 }, false)
             }
@@ -283,7 +285,7 @@ fn times(ui: &Ui, painter: &egui::Painter, top: f32, scale: &TimeAxis) {
     let least_s = scale.span_s * f64::from(ROOM / scale.rect.width().max(1.0));
     let steps = [0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 30.0, 60.0, 120.0, 300.0, 600.0, 1200.0, 3600.0];
     let Some(step_s) = steps.into_iter().find(|step| *step >= least_s) else { return };
-    let (weak, font) = (ui.visuals().weak_text_color(), FontId::proportional(10.0));
+    let (weak, font) = (ui.visuals().weak_text_color(), FontId::proportional(theme::SMALL));
     let decimal = theme::decimal(ui.ctx());
     let first = (scale.from_s / step_s - 1e-9).ceil() as u64;
     let last = ((scale.from_s + scale.span_s) / step_s + 1e-9).floor() as u64;

@@ -8,8 +8,9 @@ use super::super::recorded_runs::recorded_runs;
 use super::super::recording::{LogLocation, recorded, start};
 use super::super::scenario_info::ScenarioInfo;
 use super::super::settings::runs_folder;
+use super::run_folder::shipped_request;
 use super::{ViewedRun, ViewerState, WindowRequest};
-use crate::ui::runs::{ComparedRuns, ONLY_LOCAL, OpenRequest, Problem, ResetQuestion};
+use crate::ui::runs::{ComparedRuns, ONLY_LOCAL, OpenRequest, Problem, ResetQuestion, RunAgain};
 use crate::ui::{CityKind, DecimalSeparator, LiveTraffic, ScenarioChoice, commands};
 use city3d_logbook::figures::some_names;
 use city3d_logbook::measures::RunMeasures;
@@ -71,9 +72,10 @@ impl ViewerState {
     }
 
     /// The scenario from its beginning, at once.
-    pub(super) fn run_again(&self, seed: Option<u64>) -> Option<WindowRequest> {
+    pub(super) fn run_again(&self, otherwise: RunAgain) -> Option<WindowRequest> {
         let mut request = self.again.clone()?;
-        request.overrides.seed = seed.or(request.overrides.seed);
+        request.overrides.seed = otherwise.seed.or(request.overrides.seed);
+        request.overrides.environment = otherwise.environment.or(request.overrides.environment);
         let opening = Opening { starts: true, ..Opening::scenario(request) };
         Some(WindowRequest::Open(self.in_this_light(opening)))
     }
@@ -194,7 +196,7 @@ impl ViewerState {
         let is_own = self.writes(log);
         self.end_session(now_s);
         if !is_own {
-            self.again = None;
+            self.again = shipped_request(player.experiment());
             self.remember_file(&log.to_string_lossy());
         }
         let experiment = Arc::clone(player.experiment());

@@ -8,7 +8,7 @@ use city3d_protocol::snapshot::{
     DecisionReason, FrameSnapshot, Status, VehicleId, VehicleInfo, VehicleState,
 };
 use city3d_roadmap::CityMap;
-use city3d_session::{ControlInsight, RunState};
+use city3d_session::{ControlInsight, RunPhase, RunState};
 use std::sync::Arc;
 
 /// Slower vehicles stand, metres a second.
@@ -94,6 +94,26 @@ impl ViewerState {
         }
         Arc::new(RunState { before, now, ..RunState::clone(&run_state) })
     }
+}
+
+/// The state as it is shown: at its start nothing moves yet, whatever speeds vehicles will start with; in a log and in the
+/// past of a run as before the run has begun.
+pub(super) fn before_start(run_state: Arc<RunState>) -> Arc<RunState> {
+    let is_at_start = run_state.phase == RunPhase::Ready || run_state.now.tick == 0;
+    if !is_at_start || run_state.link.is_some() {
+        return run_state;
+    }
+    let waiting = |snapshot: &FrameSnapshot| {
+        let mut snapshot = snapshot.clone();
+        let is_of_run =
+            |vehicle: &&mut VehicleState| !matches!(vehicle.status, Status::Physical | Status::Unseen);
+        for vehicle in snapshot.vehicles.iter_mut().filter(is_of_run) {
+            (vehicle.status, vehicle.speed_mps) = (Status::Waiting, 0.0);
+        }
+        Arc::new(snapshot)
+    };
+    let (before, now) = (waiting(&run_state.before), waiting(&run_state.now));
+    Arc::new(RunState { before, now, ..RunState::clone(&run_state) })
 }
 
 #[cfg(test)]

@@ -5,13 +5,13 @@ use super::super::opening::{OpenTarget, Opening};
 use super::super::recording::LogLocation;
 use super::entering::differences;
 use super::*;
-use crate::ui::runs::{CurveChoice, OpenRequest};
+use crate::ui::runs::{CurveChoice, OpenRequest, RunAgain};
 use crate::ui::{CameraMode, DecimalSeparator, EditAction, QualityPreset};
 use crate::window::settings::ViewSettings;
 use city3d_logbook::figures::FigureScale;
 use city3d_logbook::figures::chart::Figure;
 use city3d_logbook::measures::{RunMeasures, VehicleMeasures};
-use city3d_protocol::snapshot::VehicleId;
+use city3d_protocol::snapshot::{Status, VehicleId};
 use city3d_sensors::Weather;
 use city3d_session::Order;
 use city3d_simulation::environment::EnvironmentProfile;
@@ -104,10 +104,14 @@ fn a_finished_run_is_replayed_from_its_whole_log_and_run_again_with_another_seed
     assert_eq!(viewer.player().unwrap().info().truncation, None);
     assert!(viewer.title().starts_with("Replay of "));
     pass(&mut viewer);
-    let again = opening(viewer.act(vec![UiAction::RunAgain(Some(9))], 0.0));
+    let again = opening(viewer.act(
+        vec![UiAction::RunAgain(RunAgain { seed: Some(9), environment: Some(EnvironmentProfile::Testbed) })],
+        0.0,
+    ));
     let OpenTarget::Scenario(again_request) = &again.target else { panic!("{again:?}") };
     assert_eq!((again_request.scenario.as_str(), again_request.overrides.seed), ("straight", Some(9)));
     assert_eq!((again_request.overrides.duration_s, again.starts), (Some(3.0), true));
+    assert_eq!(again_request.overrides.environment, Some(EnvironmentProfile::Testbed));
     let experiment = loading::read(again_request).unwrap();
     viewer.enter(again_request.clone(), experiment, 0.0).unwrap();
     let second = run_to_end(&mut viewer);
@@ -197,7 +201,13 @@ fn another_log_ends_the_run_that_goes_on_and_its_files_are_whole() {
     let note = compared.note.as_deref().unwrap();
     assert!(note.contains("different scenarios") && note.contains("Only in A: leader, follower."), "{note}");
     assert!(note.contains("Only in B: path1_a, path1_b"), "{note}");
-    assert!(viewer.act(vec![UiAction::RunAgain(None)], 0.0).is_empty(), "it is no run of this window");
+    // It is no run of this window, but of a shipped scenario.
+    let again = opening(viewer.act(vec![UiAction::RunAgain(RunAgain::default())], 0.0));
+    let OpenTarget::Scenario(of_log) = &again.target else { panic!("{again:?}") };
+    let shown = viewer.experiment();
+    assert_eq!((of_log.scenario.as_str(), of_log.overrides.seed), ("straight", Some(shown.seed)));
+    assert_eq!(of_log.overrides.duration_s, Some(shown.duration_s));
+    assert_eq!(viewer.files_folder(), what, "what is made of it lies beside its log");
     assert_eq!(viewer.lists.recent, [what.join("run.mcap")]);
     let recorded = viewer.close().unwrap();
     assert_eq!(recorded.len(), 1, "{recorded:?}");
@@ -324,7 +334,8 @@ fn a_collision_is_told_at_once() {
     crash(&mut viewer);
     pass(&mut viewer);
     let (said, _) = viewer.state.notice.clone().expect("a message");
-    assert!(said.contains(", collision with ") && said.contains("(G shows"), "{said}");
+    // Who drives is not sent to the past.
+    assert!(said.contains(", collision with ") && !said.contains("(G shows"), "{said}");
     viewer.close().unwrap();
 }
 

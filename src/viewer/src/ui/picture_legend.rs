@@ -1,0 +1,124 @@
+//! The legend of a picture of depth, classes or instances, over its lower edge.
+
+use city3d_geometry::trig;
+use city3d_scene::Class;
+use city3d_sensors::PictureKind;
+use egui::{Align2, Color32, FontId, Painter, Rect, Vec2, pos2, vec2};
+
+const FONT: FontId = FontId::proportional(11.0);
+const ROW: f32 = 14.0;
+const SWATCH: f32 = 9.0;
+/// Between an entry and the next one, points.
+const APART: f32 = 8.0;
+/// From which to which depth the greys of a picture are told apart, metres, and the grey of the far end: as in
+/// `shaders/palette.wgsl`.
+const NEAR_M: f64 = 1.0;
+const FAR_M: f64 = 200.0;
+const FAR_GREY: f64 = 0.08;
+/// Depths that are written on the scale, metres.
+const TICKS_M: [f64; 4] = [1.0, 5.0, 25.0, 200.0];
+
+/// What the colours of a picture mean, for those who do not see them; empty for a picture in colour.
+pub fn words(kind: PictureKind) -> String {
+    match kind {
+        PictureKind::Rgb => String::new(),
+        PictureKind::Depth => {
+            format!("Depth: {NEAR_M:.0} m and nearer is white, {FAR_M:.0} m and farther dark; logarithmic")
+        }
+        PictureKind::Semantic => {
+            let names = Class::ALL.map(Class::name).join(", ");
+            format!("Classes by colour: {names}")
+        }
+        PictureKind::Instance => {
+            "Instances: each vehicle has a colour of its own; all else is black".to_owned()
+        }
+    }
+}
+
+/// Paints the legend of a picture into its rectangle; colour pictures have none.
+pub fn paint(painter: &Painter, picture: Rect, kind: PictureKind) {
+    match kind {
+        PictureKind::Rgb => {}
+        PictureKind::Depth => depth(painter, picture),
+        PictureKind::Semantic => classes(painter, picture),
+        PictureKind::Instance => {
+            let ground = ground(painter, picture, 1);
+            text(
+                painter,
+                ground.left_center(),
+                Align2::LEFT_CENTER,
+                "a colour for each vehicle; the rest black",
+            );
+        }
+    }
+}
+
+/// The names of the classes, in rows as wide as the picture.
+fn rows(painter: &Painter, width: f32) -> Vec<Vec<(Class, f32)>> {
+    let mut rows: Vec<Vec<(Class, f32)>> = vec![Vec::new()];
+    let mut left = 0.0;
+    for class in Class::ALL {
+        let galley = painter.layout_no_wrap(class.name().to_owned(), FONT, Color32::WHITE);
+        let needed = SWATCH + 3.0 + galley.size().x;
+        if left + needed > width && left > 0.0 {
+            rows.push(Vec::new());
+            left = 0.0;
+        }
+        if let Some(row) = rows.last_mut() {
+            row.push((class, left));
+        }
+        left += needed + APART;
+    }
+    rows
+}
+
+fn classes(painter: &Painter, picture: Rect) {
+    let rows = rows(painter, picture.width() - 8.0);
+    let ground = ground(painter, picture, rows.len());
+    for (k, row) in rows.iter().enumerate() {
+        for (class, left) in row {
+            let middle = ground.left_top() + vec2(*left, ROW * (k as f32 + 0.5));
+            let [r, g, b] = class.colour();
+            let swatch = Rect::from_center_size(middle + vec2(SWATCH / 2.0, 0.0), Vec2::splat(SWATCH));
+            painter.rect_filled(swatch, 1.0, Color32::from_rgb(r, g, b));
+            // Some of the colours are as dark as the ground.
+            painter.rect_stroke(swatch, 1.0, (1.0, Color32::from_gray(150)), egui::StrokeKind::Outside);
+            text(painter, middle + vec2(SWATCH + 3.0, 0.0), Align2::LEFT_CENTER, class.name());
+        }
+    }
+}
+
+fn depth(painter: &Painter, picture: Rect) {
+    const STEPS: u8 = 48;
+    let ground = ground(painter, picture, 2);
+    let bar = Rect::from_min_size(ground.min + vec2(0.0, 3.0), vec2(ground.width(), ROW - 6.0));
+    let x = |share: f32| bar.left() + share * bar.width();
+    for step in 0..STEPS {
+        let [from, to] = [step, step + 1].map(|step| f32::from(step) / f32::from(STEPS));
+        let grey = 1.0 - (1.0 - FAR_GREY) * f64::from((from + to) / 2.0);
+        let part = Rect::from_x_y_ranges(x(from)..=x(to), bar.y_range());
+        painter.rect_filled(part, 0.0, Color32::from_gray((255.0 * grey).round() as u8));
+    }
+    let row = ground.bottom() - ROW / 2.0;
+    for tick_m in TICKS_M {
+        let share = trig::log10(tick_m / NEAR_M) / trig::log10(FAR_M / NEAR_M);
+        let align = match tick_m {
+            _ if tick_m <= NEAR_M => Align2::LEFT_CENTER,
+            _ if tick_m >= FAR_M => Align2::RIGHT_CENTER,
+            _ => Align2::CENTER_CENTER,
+        };
+        text(painter, pos2(x(share as f32), row), align, &format!("{tick_m:.0} m"));
+    }
+}
+
+/// The dark ground for some rows at the lower edge of a picture; returns where to write.
+fn ground(painter: &Painter, picture: Rect, rows: usize) -> Rect {
+    let height = ROW * rows as f32 + 4.0;
+    let ground = picture.with_min_y((picture.bottom() - height).max(picture.top()));
+    painter.rect_filled(ground, 0.0, Color32::from_black_alpha(190));
+    ground.shrink2(vec2(4.0, 2.0))
+}
+
+fn text(painter: &Painter, at: egui::Pos2, align: Align2, words: &str) {
+    painter.text(at, align, words, FONT, Color32::WHITE);
+}

@@ -1,0 +1,36 @@
+//! The folder of the run that is shown, where its pictures, videos and charts belong, and the scenario of a log that can be
+//! run again.
+
+use super::{ViewedRun, ViewerState};
+use city3d_simulation::scenario::{Experiment, Library, Overrides, ScenarioRequest, shipped_scenarios};
+use std::path::{Path, PathBuf};
+
+impl ViewerState {
+    /// Where files that are made of the run go: beside its log, or into the working folder where it has none.
+    pub fn files_folder(&self) -> PathBuf {
+        let folder = match &self.source {
+            ViewedRun::Log(_) => Path::new(&self.request.scenario).parent().map(Path::to_path_buf),
+            ViewedRun::Run(_) | ViewedRun::Ended(_) => self.run_state().folder.clone(),
+        };
+        let may_write = |folder: &PathBuf| {
+            folder.metadata().is_ok_and(|found| found.is_dir() && !found.permissions().readonly())
+        };
+        folder.filter(may_write).unwrap_or_default()
+    }
+}
+
+/// The shipped scenario that a log is of, with what was set otherwise: it can be run again.
+pub(super) fn shipped_request(experiment: &Experiment) -> Option<ScenarioRequest> {
+    let is_of = |name: &&str| {
+        Library::scenario(name).is_ok_and(|(text, _)| text.as_str() == experiment.scenario_text.as_str())
+    };
+    let scenario = shipped_scenarios().find(is_of)?.to_owned();
+    let overrides = Overrides {
+        seed: Some(experiment.seed),
+        duration_s: Some(experiment.duration_s),
+        model: experiment.model,
+        environment: experiment.profile,
+        allows_no_vehicles: false,
+    };
+    Some(ScenarioRequest { scenario, overrides, changes: Vec::new() })
+}
