@@ -453,7 +453,8 @@ pub(super) fn hover_words(
     move |hovered| {
         let (whose, position) = match hovered {
             HoverPosition::NearDataPoint { plot_name, position, .. } => (*plot_name, position),
-            HoverPosition::Elsewhere { position } => ("", position),
+            // The place of the mouse is no value of anybody.
+            HoverPosition::Elsewhere { .. } => return None,
         };
         let quantities = axes.iter().zip([position.x, position.y]).map(|(axis, value)| {
             let (name, unit) = axis.split_once(" [").unwrap_or((axis, ""));
@@ -534,6 +535,6 @@ mod tests {
         let near = HoverPosition::NearDataPoint { plot_name: "3 path1_c", position, index: 7 };
         assert_eq!(words(&near).unwrap(), "3 path1_c\nTime: 12,30 s\nSpeed: 45,68 km/h");
         let elsewhere = HoverPosition::Elsewhere { position };
-        assert_eq!(words(&elsewhere).unwrap(), "Time: 12,30 s\nSpeed: 45,68 km/h");
+        assert_eq!(words(&elsewhere), None, "beside the lines nobody has these values");
     }
 }

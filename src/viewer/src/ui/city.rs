@@ -92,15 +92,17 @@ fn act_on_clicks(
 ) {
     let Some(at) = response.interact_pointer_pos() else { return };
     let ground = canvas.ground_at(at);
+    let named = |state: &UiState| layers::label_at(canvas, state, shown, at);
     if response.secondary_clicked() {
-        let vehicle = pick(canvas, shown, at).map(MenuSubject::Vehicle);
+        let vehicle = named(state).or_else(|| pick(canvas, shown, at)).map(MenuSubject::Vehicle);
         state.menu = vehicle.or(ground.map(MenuSubject::Place)).map(VehicleMenu::of);
     }
     let is_clicked = response.clicked() || response.double_clicked();
     if !is_clicked || state.measure.click(ground) || editing::click(response, ground, state, shown, actions) {
         return;
     }
-    let picked = editing::pick(canvas, shown, at).or_else(|| pick(canvas, shown, at));
+    let picked =
+        named(state).or_else(|| editing::pick(canvas, shown, at)).or_else(|| pick(canvas, shown, at));
     state.selection.vehicle = picked;
     state.table.reveal = picked.is_some();
     if response.double_clicked() && picked.is_some() {

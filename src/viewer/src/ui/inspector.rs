@@ -74,7 +74,7 @@ fn inspected(
         let delay = delay_s.map_or_else(|| not_told(shown).to_owned(), |s| format!("{:.0} ms", s * 1000.0));
         row(ui, "Command delay", &delay, "From the control step to the arrival of its last trajectory");
         sensors(ui, shown, vehicle.id);
-        rest(ui, shown, vehicle.id, place);
+        rest(ui, shown, vehicle, place);
     });
     if let Some(other) = link {
         (state.selection.vehicle, state.table.reveal) = (Some(other), true);
@@ -229,8 +229,14 @@ fn motion(
 ) {
     let (decimal, scale) = (theme::decimal(ui.ctx()), shown.scale());
     let speed = |speed_mps: f64| format!("{} {}", units.number(speed_mps, scale, decimal), units.label());
-    let target = decision.map_or_else(|| not_told(shown).to_owned(), |decision| speed(decision.target_mps));
-    let speeds = format!("{}, target {target}", speed(vehicle.speed_mps));
+    // Control goes on deciding for a vehicle that does not obey it.
+    let decision = decision.filter(|_| obeys_control(vehicle.status));
+    let target = match decision {
+        Some(decision) => format!(", target {}", speed(decision.target_mps)),
+        None if obeys_control(vehicle.status) => format!(", target {}", not_told(shown)),
+        None => String::new(),
+    };
+    let speeds = format!("{}{target}", speed(vehicle.speed_mps));
     row(ui, "Speed", &speeds, "Along its heading, and what road and driver allow here");
     // Decisions are sampled for logs, links and the past: that of a moment ago is not the one of now.
     let is_of_now = shown.city == CityKind::Local && shown.replay.is_none() && !shown.past.is_shown;
@@ -239,6 +245,11 @@ fn motion(
     });
     let acceleration = format!("{} m/s\u{b2}{planned}", decimal.signed(vehicle.acceleration_mps2, 2));
     row(ui, "Acceleration", &acceleration, "Along its heading");
+}
+
+/// Whether a vehicle follows what control decides.
+fn obeys_control(status: Status) -> bool {
+    !matches!(status, Status::Manual | Status::Collided)
 }
 
 fn traffic(ui: &mut Ui, shown: &ViewModel<'_>, place: Option<&TrafficPlace>, link: &mut Option<VehicleId>) {
@@ -315,9 +326,15 @@ fn sensors(ui: &mut Ui, shown: &ViewModel<'_>, id: VehicleId) {
     row(ui, "Sensors", &text, "Cameras that the scenario gives it");
 }
 
-fn rest(ui: &mut Ui, shown: &ViewModel<'_>, id: VehicleId, place: Option<&TrafficPlace>) {
-    let driver = shown.drivers.get(&id).map_or("not known", String::as_str);
-    row(ui, "Driver", driver, "Its control algorithm");
+fn rest(ui: &mut Ui, shown: &ViewModel<'_>, vehicle: &VehicleState, place: Option<&TrafficPlace>) {
+    let id = vehicle.id;
+    let algorithm = shown.drivers.get(&id).map_or("not known", String::as_str);
+    let driver = match vehicle.status {
+        Status::Manual => format!("a person; {algorithm} when released"),
+        Status::Collided => format!("{algorithm}, which no longer drives it"),
+        _ => algorithm.to_owned(),
+    };
+    row(ui, "Driver", &driver, "Its control algorithm");
     let route = shown.routes.get(&id).map_or(&[][..], Vec::as_slice);
     let here = place.and_then(|place| route.iter().position(|lane| *lane == place.axle.lane));
     let text = match here {

@@ -5,9 +5,10 @@ use super::commands::{LABELS, MAP};
 use super::{CameraMode, UiState, ViewModel, Viewpoint, events, occlusion, overlay, plans, status, theme};
 use city3d_protocol::snapshot::{Status, VehicleId, VehicleInfo, VehicleState};
 use city3d_sensors::{BoundingBox, View};
-use egui::{Align2, Color32, FontId, Painter, Pos2, Rect, Ui};
+use egui::{Align2, Color32, FontId, Galley, Painter, Pos2, Rect, Ui};
 use glam::{DVec2, DVec3};
 use serde::{Deserialize, Serialize};
+use std::sync::Arc;
 
 /// The visible layers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -264,6 +265,7 @@ fn gaps(canvas: &Canvas<'_>, state: &UiState, shown: &ViewModel<'_>) {
 
 /// A label over a vehicle.
 struct Label {
+    vehicle: VehicleId,
     name: String,
     status: Status,
     colour: Color32,
@@ -275,30 +277,54 @@ struct Label {
     is_hidden: bool,
 }
 
-/// Labels of the visible vehicles. Of overlapping labels the nearest stays.
-fn labels(canvas: &Canvas<'_>, state: &UiState, shown: &ViewModel<'_>) {
+impl Label {
+    /// Its colour, paler behind walls.
+    fn faded(&self, colour: Color32) -> Color32 {
+        if self.is_hidden { colour.gamma_multiply(0.45) } else { colour }
+    }
+}
+
+/// A label with its text and what it covers, the sign of the status before the text.
+struct PlacedLabel {
+    label: Label,
+    text: Arc<Galley>,
+    whole: Rect,
+    ground: Rect,
+}
+
+/// Labels of the visible vehicles, and where. Of overlapping labels the nearest stays.
+fn placed_labels(canvas: &Canvas<'_>, state: &UiState, shown: &ViewModel<'_>) -> Vec<PlacedLabel> {
     let mut labels: Vec<Label> =
         shown.interpolated.iter().filter_map(|seen| label(canvas, state, shown, seen)).collect();
     labels.sort_by(|a, b| b.is_selected.cmp(&a.is_selected).then(a.depth.total_cmp(&b.depth)));
-    let mut taken: Vec<Rect> = Vec::new();
+    let mut placed: Vec<PlacedLabel> = Vec::new();
     for label in labels {
-        let faded = |colour: Color32| if label.is_hidden { colour.gamma_multiply(0.45) } else { colour };
         let font = FontId::proportional(if label.is_selected { 13.0 } else { 11.0 });
-        let painter = &canvas.painter;
-        let text = painter.layout_no_wrap(label.name, font, faded(label.colour));
-        // The sign of the status stands before the text.
-        let sign = text.size().y;
-        let whole = Align2::CENTER_BOTTOM.anchor_size(label.place, text.size() + egui::vec2(sign, 0.0));
-        let (ground, rect) = (whole.expand2(egui::vec2(3.0, 1.0)), whole.with_min_x(whole.left() + sign));
-        if taken.iter().any(|other| other.intersects(ground)) {
-            continue;
+        let text = canvas.painter.layout_no_wrap(label.name.clone(), font, label.faded(label.colour));
+        let size = text.size() + egui::vec2(text.size().y, 0.0);
+        let whole = Align2::CENTER_BOTTOM.anchor_size(label.place, size);
+        let ground = whole.expand2(egui::vec2(3.0, 1.0));
+        if placed.iter().all(|other| !other.ground.intersects(ground)) {
+            placed.push(PlacedLabel { label, text, whole, ground });
         }
-        taken.push(ground);
-        painter.rect_filled(ground, 3.0, faded(theme::ON_PICTURE));
-        painter.galley(rect.min, text, Color32::WHITE);
-        let at = whole.left_center() + egui::vec2(0.4 * sign, 0.0);
-        status::paint_sign_in(painter, (at, 0.24 * sign), label.status, faded(label.colour));
     }
+    placed
+}
+
+fn labels(canvas: &Canvas<'_>, state: &UiState, shown: &ViewModel<'_>) {
+    for PlacedLabel { label, text, whole, ground } in placed_labels(canvas, state, shown) {
+        let (painter, sign) = (&canvas.painter, text.size().y);
+        painter.rect_filled(ground, 3.0, label.faded(theme::ON_PICTURE));
+        painter.galley(whole.min + egui::vec2(sign, 0.0), text, Color32::WHITE);
+        let at = whole.left_center() + egui::vec2(0.4 * sign, 0.0);
+        status::paint_sign_in(painter, (at, 0.24 * sign), label.status, label.faded(label.colour));
+    }
+}
+
+/// The vehicle whose label is at a place on the screen: a label stands for its vehicle, whatever is behind it.
+pub fn label_at(canvas: &Canvas<'_>, state: &UiState, shown: &ViewModel<'_>, at: Pos2) -> Option<VehicleId> {
+    let labels = placed_labels(canvas, state, shown);
+    labels.into_iter().find(|placed| placed.ground.contains(at)).map(|placed| placed.label.vehicle)
 }
 
 /// The label of a vehicle; `None` where it is not shown.
@@ -325,6 +351,7 @@ fn label(
     // A selected vehicle has a label behind walls too.
     let is_hidden = occlusion::is_occluded(eye, roof, shown.walls);
     (is_selected || !is_hidden).then(|| Label {
+        vehicle: vehicle.id,
         name: events::numbered_name(info),
         status: vehicle.status,
         colour: state.layers.colour.colour(canvas.painter.ctx(), vehicle, shown),

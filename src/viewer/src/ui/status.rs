@@ -143,7 +143,7 @@ pub fn reason(keys: &KeyMap, vehicle: &VehicleState, info: &VehicleInfo, map: &C
 pub fn meaning(status: Status) -> &'static str {
     match status {
         Status::Waiting => "Set up; waits for the start, or for its first trajectory",
-        Status::Driving => "Follows its trajectory",
+        Status::Driving => "Under way on its trajectory; the inspector says what limits its speed",
         Status::Yielding => "Gives way at a yield line, or to a vehicle with the right of way",
         Status::Stopped => "Stopped: behind others, at a line, or where a person left it off the lanes",
         Status::Manual => "A person drives",

@@ -54,7 +54,8 @@ pub fn show(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>, index: usiz
     state.views.overlays[index] = overlay::build(state, shown, &canvas);
     layers::paint(&canvas, state, shown);
     if let Some(at) = response.interact_pointer_pos().filter(|_| response.clicked()) {
-        state.selection.vehicle = city::pick(&canvas, shown, at);
+        let named = layers::label_at(&canvas, state, shown, at);
+        state.selection.vehicle = named.or_else(|| city::pick(&canvas, shown, at));
         state.table.reveal = state.selection.vehicle.is_some();
     }
 }

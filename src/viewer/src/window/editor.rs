@@ -7,7 +7,7 @@ use city3d_control::{CONTROLLERS, PARKED};
 use city3d_outputs::WholeFile;
 use city3d_protocol::snapshot::{FrameSnapshot, VehicleId};
 use city3d_simulation::scenario::{
-    ChangeError, EditError, Library, Overrides, ScenarioDocument, ScenarioError, ScenarioRequest,
+    ChangeError, EditError, Library, MovedStart, Overrides, ScenarioDocument, ScenarioError, ScenarioRequest,
     SourceError, StatedVehicle, VehicleEdit, read_experiment, with_changes,
 };
 use city3d_simulation::sim::World;
@@ -44,6 +44,8 @@ pub struct EditedCity {
     pub info: ScenarioInfo,
     /// All vehicles at their starts.
     pub start: Arc<FrameSnapshot>,
+    /// Starts that were moved, in words.
+    warnings: Vec<String>,
 }
 
 /// Begins the description of a scenario that was saved as another one.
@@ -141,6 +143,7 @@ impl ScenarioEditor {
             drivers: &self.drivers,
             default_driver: self.document.default_controller(),
             problems: &self.problems,
+            warnings: self.city.as_ref().map_or(&[], |city| &city.warnings),
             is_checking: self.checked != self.text(),
             is_changed: self.is_changed(),
             undoes: self.change_to(self.at),
@@ -392,7 +395,14 @@ fn check(name: &str, text: &str, library: &Library, overrides: Overrides) -> Out
     })?;
     let experiment = Arc::new(experiment);
     let start = Arc::new(World::new(Arc::clone(&experiment)).snapshot());
-    Ok(EditedCity { info: ScenarioInfo::of(&experiment), start })
+    let info = ScenarioInfo::of(&experiment);
+    let named = |id: VehicleId| info.names.get(&id).cloned().unwrap_or_else(|| id.to_string());
+    let moved = |moved: &MovedStart| {
+        let (vehicle, behind, by_m) = (named(moved.vehicle), named(moved.behind), moved.by_m);
+        format!("{vehicle} starts {by_m:.1} m farther back than stated: {behind} is there")
+    };
+    let warnings = experiment.moved.iter().map(moved).collect();
+    Ok(EditedCity { info, start, warnings })
 }
 
 /// Keeps the text of changes that were not saved; returns where.
@@ -464,6 +474,19 @@ mod tests {
         settle(&mut editor);
         assert_eq!(editor.view().problems, &[] as &[String]);
         assert_eq!(editor.city().unwrap().info.drivers[&obstacle], PARKED);
+    }
+
+    #[test]
+    fn a_start_where_another_vehicle_is_moves_with_a_warning() {
+        let mut editor = editor("straight");
+        settle(&mut editor);
+        assert_eq!(editor.view().warnings, &[] as &[String]);
+        let there = editor.view().vehicles[0].clone();
+        editor.add(there.route[0].clone(), there.at_m);
+        settle(&mut editor);
+        let view = editor.view();
+        assert_eq!((view.problems, view.warnings.len()), (&[] as &[String], 1));
+        assert!(view.warnings[0].contains("farther back"), "{:?}", view.warnings);
     }
 
     #[test]

@@ -80,6 +80,7 @@ pub struct EditedFile {
     pub types: Vec<String>,
     pub drivers: Vec<String>,
     pub problems: Vec<String>,
+    pub warnings: Vec<String>,
     pub description: String,
     pub has_history: bool,
 }
@@ -274,6 +275,7 @@ impl Desk {
                 drivers: &edit.drivers,
                 default_driver: "idm",
                 problems: &edit.problems,
+                warnings: &edit.warnings,
                 is_checking: false,
                 is_changed: edit.has_history,
                 undoes: edit.has_history.then_some("move car1"),

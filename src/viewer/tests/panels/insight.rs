@@ -62,6 +62,8 @@ fn who_has_collided_or_is_driven_by_hand_is_told_so_and_not_what_control_would_d
     harness.run_steps(2);
     assert!(harness.query_all_by_label("driven by hand").count() >= 2, "status and reason");
     assert!(harness.query_by_label_contains("at the yield line").is_none());
+    assert!(harness.query_by_label_contains(", target ").is_none(), "nobody steers to it");
+    assert!(harness.query_by_label_contains("a person; ").is_some(), "who drives");
 }
 
 fn right_click(harness: &mut Harness<'static, Desk>, pos: Pos2) {

@@ -2,13 +2,13 @@
 
 #![allow(clippy::disallowed_methods, reason = "looks at what is drawn; no state depends on it")]
 
-use super::city::{has_text, place, spread, texts, vehicle_at};
+use super::city::{click_at, has_text, picture, place, spread, texts, vehicle_at};
 use super::desk::{Desk, click, harness, press};
 use city3d_protocol::snapshot::{ControlDecision, Status, VehicleId};
 use city3d_roadmap::LaneId;
 use city3d_sensors::{Lens, Mount};
 use city3d_session::ControlInsight;
-use city3d_viewer::ui::{ColourBy, ScenarioCamera};
+use city3d_viewer::ui::{ColourBy, PictureSlot, ScenarioCamera};
 use egui::{Rect, Shape};
 use egui_kittest::Harness;
 use glam::{DVec2, DVec3, Vec3};
@@ -310,4 +310,21 @@ fn the_other_views_show_the_layers_too() {
     assert!(!state.overlay.lines.is_empty());
     let labels = texts(&harness).into_iter().filter(|text| text == "1 car1").count();
     assert_eq!(labels, 2, "a label in each view");
+}
+
+#[test]
+fn a_label_stands_for_its_vehicle_whatever_is_behind_it() {
+    let mut harness = harness(Desk::with(spread(2)));
+    let label = text_rect(&harness, "1 car1").expect("it has a label");
+    // The other car is put behind the label, where a click would have found it.
+    let (view, rect) = (picture(&harness, PictureSlot::City).view, place(&harness));
+    let share = (label.center() - rect.min) / rect.size();
+    let clip = DVec3::new(f64::from(share.x) * 2.0 - 1.0, 1.0 - f64::from(share.y) * 2.0, 0.5);
+    let eye = view.extrinsics.position;
+    let ray = view.clip_from_world().inverse().project_point3(clip) - eye;
+    let ground = eye + ray * (-eye.z / ray.z);
+    harness.state_mut().change(|now| now.vehicles[1].position = ground);
+    harness.run_steps(2);
+    click_at(&mut harness, label.center(), 1);
+    assert_eq!(harness.state().state.selection.vehicle, Some(VehicleId(1)));
 }

@@ -32,6 +32,8 @@ pub struct EditView<'a> {
     pub default_driver: &'a str,
     /// What is wrong, with the remedy; nothing where it can be run.
     pub problems: &'a [String],
+    /// What differs from what is stated, such as a start where another vehicle is; it can be run all the same.
+    pub warnings: &'a [String],
     /// The latest change has not been checked yet.
     pub is_checking: bool,
     /// It differs from the file.

@@ -21,7 +21,7 @@ pub fn show(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>, actions: &m
     tools(ui, state, edit, actions);
     ui.separator();
     let detours = state.editing.detours.names(shown.map, edit).to_vec();
-    let has_some = !edit.problems.is_empty() || !detours.is_empty();
+    let has_some = !edit.problems.is_empty() || !edit.warnings.is_empty() || !detours.is_empty();
     let problems_height = if has_some { PROBLEMS_HEIGHT } else { NO_PROBLEMS_HEIGHT };
     let problems_height = problems_height.min(ui.available_height() / 3.0);
     let separator_height = 2.0 * ui.spacing().item_spacing.y + 6.0;
@@ -135,8 +135,13 @@ fn problems(ui: &mut Ui, edit: &EditView<'_>, detours: &[String]) {
         let text = RichText::new(text).color(ui.visuals().warn_fg_color);
         let tip = "Select the vehicle: its route below tells which way is long";
         ui.add(egui::Label::new(text).wrap()).on_hover_text(tip);
+    } else if edit.problems.is_empty() && !edit.warnings.is_empty() {
+        ui.colored_label(ui.visuals().warn_fg_color, format!("\u{26a0} {vehicles}, can be run"));
     } else if edit.problems.is_empty() {
         ui.label(format!("\u{2714} {vehicles}, no problems"));
+    }
+    for warning in edit.warnings.iter().filter(|_| edit.problems.is_empty() && !edit.is_checking) {
+        ui.colored_label(ui.visuals().warn_fg_color, format!("\u{26a0} {warning}"));
     }
     if !edit.problems.is_empty() {
         ui.label(

@@ -20,6 +20,13 @@ pub(super) struct Entry {
     does: Deed,
 }
 
+/// How many words of those typed are found.
+struct Hits {
+    all: usize,
+    /// Without words such as "a" and "is", which are in the names of most actions.
+    of_long_words: usize,
+}
+
 #[derive(Clone, Debug)]
 enum Deed {
     Command(&'static Command),
@@ -49,6 +56,18 @@ impl Entry {
         format!("{} {}", self.name, self.known_as).to_lowercase()
     }
 
+    /// How many of the words it has or means.
+    fn hits(&self, words: &str) -> Hits {
+        let text = self.text();
+        // Of several things as of one.
+        let single =
+            |word: &str| word.len() > synonyms::LEAST_LETTERS && text.contains(word.trim_end_matches('s'));
+        let has = |word: &&str| text.contains(*word) || single(word) || synonyms::means(word, &text);
+        let found = || words.split_whitespace().filter(has);
+        let is_long = |word: &&str| word.len() >= synonyms::LEAST_LETTERS;
+        Hits { all: found().count(), of_long_words: found().filter(is_long).count() }
+    }
+
     /// How well it matches; last what means the words without having them.
     fn rank(&self, words: &str) -> u8 {
         let text = self.text();
@@ -67,20 +86,27 @@ impl Entry {
     }
 }
 
-/// The rows that have all words, the best match first. Without words the actions alone: vehicles may be many.
+/// The rows that have all words, the best match first; where none has all, those that have most. Without words the actions alone:
+/// vehicles may be many.
 pub(super) fn matching(words: &str, state: &UiState, shown: &ViewModel<'_>) -> Vec<Entry> {
     let words = words.trim().to_lowercase();
     let action =
         |command: &'static Command| Entry::action(command, command.availability(state, shown), &state.keys);
     let actions = commands::all().map(action);
     let choices = if words.is_empty() { Vec::new() } else { choices(state, shown) };
-    let mut found: Vec<_> = actions
+    let found: Vec<_> = actions
         .chain(choices)
-        .filter(|entry| {
-            let text = entry.text();
-            words.split_whitespace().all(|word| text.contains(word) || synonyms::means(word, &text))
-        })
         .filter(|entry| entry.availability != Availability::Never)
+        .map(|entry| (entry.hits(&words), entry))
+        .collect();
+    let all = words.split_whitespace().count();
+    let is_whole = found.iter().any(|(hits, _)| hits.all == all);
+    let counted = |hits: &Hits| if is_whole { hits.all } else { hits.of_long_words };
+    let most = found.iter().map(|(hits, _)| counted(hits)).max().unwrap_or(0);
+    let mut found: Vec<Entry> = found
+        .into_iter()
+        .filter(|(hits, _)| counted(hits) == most && (is_whole || most > 0))
+        .map(|(_, entry)| entry)
         .collect();
     found.sort_by_cached_key(|entry| (entry.rank(&words), entry.availability != Availability::Now));
     found

@@ -1,11 +1,13 @@
 //! Words that users of other programs type, and those that actions of this one are called by.
 
 /// What is typed, and what its action has in its name or among its other words.
-const SYNONYMS: [(&str, &str); 67] = [
+const SYNONYMS: [(&str, &str); 74] = [
     ("accident", "collision"),
     ("agent", "vehicle"),
     ("autopilot", "release"),
     ("bbox", "boxes"),
+    ("bird's", "overhead"),
+    ("birds", "overhead"),
     ("bounding", "boxes"),
     ("brightness", "contrast"),
     ("brightness", "theme"),
@@ -16,6 +18,7 @@ const SYNONYMS: [(&str, &str); 67] = [
     ("clock", "time of day"),
     ("compass", "north"),
     ("crash", "collision"),
+    ("day", "time of day"),
     ("daylight", "time of day"),
     ("debug", "inspector"),
     ("destination", "route"),
@@ -55,12 +58,16 @@ const SYNONYMS: [(&str, &str); 67] = [
     ("rewind", "back"),
     ("satellite", "overhead"),
     ("shortcut", "keys"),
+    ("slow", "inspector"),
     ("snapshot", "screenshot"),
     ("snow", "weather"),
     ("spreadsheet", "csv"),
     ("statistics", "traffic"),
     ("storm", "weather"),
+    ("sunny", "time of day"),
+    ("sunny", "weather"),
     ("sunset", "time of day"),
+    ("take", "screenshot"),
     ("takeover", "take control"),
     ("text size", "interface"),
     ("trajectory", "way ahead"),
@@ -72,7 +79,7 @@ const SYNONYMS: [(&str, &str); 67] = [
 ];
 
 /// Shorter beginnings of words would mean too much.
-const LEAST_LETTERS: usize = 3;
+pub(super) const LEAST_LETTERS: usize = 3;
 
 /// Whether a typed word, or the beginning of one, means something that a text says in other words. All in lower case.
 pub(super) fn means(word: &str, text: &str) -> bool {

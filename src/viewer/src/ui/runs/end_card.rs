@@ -149,11 +149,12 @@ fn results(
     Grid::new("results").num_columns(2).spacing([18.0, 3.0]).show(ui, |ui| {
         let mut row = |name: &str, value: String, is_bad: bool| {
             let label = ui.label(name);
+            let value = RichText::new(value).strong();
+            let value = ui.label(if is_bad { value.color(ui.visuals().error_fg_color) } else { value });
             if let Some(tip) = tip_of(name) {
                 label.on_hover_text(tip);
+                value.on_hover_text(tip);
             }
-            let value = RichText::new(value).strong();
-            ui.label(if is_bad { value.color(ui.visuals().error_fg_color) } else { value });
             ui.end_row();
         };
         row("Collisions", measures.collisions.to_string(), measures.collisions > 0);

@@ -8,6 +8,7 @@ use crate::window::editor::{ScenarioEditor, keep_unsaved};
 use crate::window::opening::Opening;
 use crate::window::settings::runs_folder;
 use city3d_session::{Order, RunPhase, RunState};
+use city3d_simulation::scenario::Overrides;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -109,7 +110,8 @@ impl ViewerState {
         if editor.is_changed() && !self.save(&file, now_s) {
             return None;
         }
-        let overrides = self.request.overrides;
+        // What is run is what the file says, whatever the run before was given.
+        let overrides = Overrides::default();
         match Opening::of(&OpenRequest { what: file, overrides, hours: None, starts: true }) {
             Ok(opening) => Some(WindowRequest::Open(self.in_this_light(opening))),
             Err(why) => {

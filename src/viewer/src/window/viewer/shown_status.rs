@@ -3,11 +3,8 @@
 //! the driver's seat.
 
 use super::{ViewedRun, ViewerState};
-use crate::ui::{CityKind, gives_way, is_off_lanes};
-use city3d_protocol::snapshot::{
-    DecisionReason, FrameSnapshot, Status, VehicleId, VehicleInfo, VehicleState,
-};
-use city3d_roadmap::CityMap;
+use crate::ui::{CityKind, gives_way};
+use city3d_protocol::snapshot::{DecisionReason, FrameSnapshot, Status, VehicleId, VehicleState};
 use city3d_session::{ControlInsight, RunPhase, RunState};
 use std::sync::Arc;
 
@@ -22,32 +19,22 @@ struct Known<'a> {
     driven: Option<VehicleId>,
     /// Vehicles that the user has released, before the step that hears of it.
     released: &'a [VehicleId],
-    /// Whoever is off its lanes has no route.
-    map: Option<&'a CityMap>,
 }
 
 impl Known<'_> {
-    fn status(&self, vehicle: &VehicleState, info: Option<&VehicleInfo>) -> Status {
+    fn status(&self, vehicle: &VehicleState) -> Status {
         let moves = vehicle.speed_mps.abs() >= MOVES_MPS;
         let reason = || Some(self.insight?.decision(vehicle.id)?.reason);
-        let is_off_lanes = || self.map.zip(info).is_some_and(|(map, info)| is_off_lanes(vehicle, info, map));
+        let driven = if moves { Status::Driving } else { Status::Stopped };
         match vehicle.status {
-            Status::Manual if self.released.contains(&vehicle.id) => {
-                if moves && !is_off_lanes() {
-                    Status::Driving
-                } else {
-                    Status::Stopped
-                }
-            }
+            Status::Manual if self.released.contains(&vehicle.id) => driven,
             Status::Driving | Status::Yielding | Status::Stopped | Status::Finished | Status::LinkLost
                 if self.driven == Some(vehicle.id) =>
             {
                 Status::Manual
             }
             // Its algorithm has no route and stops it.
-            Status::Driving | Status::Yielding if reason() == Some(DecisionReason::OffRoute) => {
-                Status::Stopped
-            }
+            Status::Driving | Status::Yielding if reason() == Some(DecisionReason::OffRoute) => driven,
             // It has set off: the status lasts for a second at least.
             Status::Yielding if moves && reason().is_some_and(|reason| !gives_way(reason)) => Status::Driving,
             status => status,
@@ -55,12 +42,11 @@ impl Known<'_> {
     }
 
     fn in_snapshot(&self, snapshot: &Arc<FrameSnapshot>) -> Arc<FrameSnapshot> {
-        let status = |vehicle: &VehicleState| self.status(vehicle, snapshot.info(vehicle.id));
-        if snapshot.vehicles.iter().all(|vehicle| status(vehicle) == vehicle.status) {
+        if snapshot.vehicles.iter().all(|vehicle| self.status(vehicle) == vehicle.status) {
             return Arc::clone(snapshot);
         }
         let mut shown = FrameSnapshot::clone(snapshot);
-        shown.vehicles.iter_mut().for_each(|vehicle| vehicle.status = status(vehicle));
+        shown.vehicles.iter_mut().for_each(|vehicle| vehicle.status = self.status(vehicle));
         Arc::new(shown)
     }
 }
@@ -86,7 +72,6 @@ impl ViewerState {
             insight: run_state.insight.as_deref(),
             driven: self.state.driven().filter(|_| is_own),
             released: if is_own { &self.released } else { &[] },
-            map: Some(&self.experiment.city_map),
         };
         let (before, now) = (known.in_snapshot(&run_state.before), known.in_snapshot(&run_state.now));
         if Arc::ptr_eq(&before, &run_state.before) && Arc::ptr_eq(&now, &run_state.now) {
@@ -130,33 +115,32 @@ mod tests {
             let vehicle = VehicleState { id: VehicleId(3), status, speed_mps, ..VehicleState::default() };
             let decision = ControlDecision { vehicle: VehicleId(3), reason, ..ControlDecision::default() };
             let insight = ControlInsight { decisions: Some(vec![decision]), ..ControlInsight::default() };
-            Known { insight: Some(&insight), ..Known::default() }.status(&vehicle, None)
+            Known { insight: Some(&insight), ..Known::default() }.status(&vehicle)
         };
         let yielding = Status::Yielding;
         assert_eq!(shown(yielding, 2.0, DecisionReason::Leader), Status::Driving);
         assert_eq!(shown(yielding, 2.0, DecisionReason::FreeRoad), Status::Driving);
         assert_eq!(shown(yielding, 2.0, DecisionReason::YieldLine), yielding, "it slows for the line");
         assert_eq!(shown(yielding, 0.0, DecisionReason::Leader), yielding, "it stands yet");
-        assert_eq!(shown(Status::Driving, 2.0, DecisionReason::OffRoute), Status::Stopped, "it has no route");
+        assert_eq!(shown(Status::Driving, 2.0, DecisionReason::OffRoute), Status::Driving, "it still moves");
+        assert_eq!(shown(Status::Driving, 0.0, DecisionReason::OffRoute), Status::Stopped, "it has no route");
         assert_eq!(shown(Status::Collided, 2.0, DecisionReason::FreeRoad), Status::Collided);
         let vehicle = VehicleState { status: yielding, speed_mps: 2.0, ..VehicleState::default() };
-        assert_eq!(Known::default().status(&vehicle, None), yielding, "nobody tells why");
+        assert_eq!(Known::default().status(&vehicle), yielding, "nobody tells why");
     }
 
     #[test]
-    fn who_is_released_off_the_lanes_is_stopped() {
-        let (text, library) = Library::scenario("straight").unwrap();
-        let experiment = read_experiment("straight", &text, &library, Overrides::default()).unwrap();
-        let map = Arc::clone(&experiment.city_map);
-        let run = Run::new(Arc::new(experiment)).unwrap();
-        let mut vehicle = run.snapshot().vehicles[0].clone();
-        (vehicle.status, vehicle.speed_mps) = (Status::Manual, 5.0);
-        let released = [vehicle.id];
-        let known = Known { released: &released, map: Some(&map), ..Known::default() };
-        let info = run.snapshot().info(vehicle.id);
-        assert_eq!(known.status(&vehicle, info), Status::Driving);
-        vehicle.position.y += 4000.0;
-        assert_eq!(known.status(&vehicle, info), Status::Stopped);
+    fn who_is_released_is_stopped_once_it_stands() {
+        let released = [VehicleId(3)];
+        let known = Known { released: &released, ..Known::default() };
+        let at = |speed_mps| VehicleState {
+            id: VehicleId(3),
+            status: Status::Manual,
+            speed_mps,
+            ..VehicleState::default()
+        };
+        assert_eq!(known.status(&at(5.0)), Status::Driving);
+        assert_eq!(known.status(&at(0.0)), Status::Stopped);
     }
 
     #[test]
@@ -172,7 +156,7 @@ mod tests {
             let known = Known { insight: Some(&insight), ..Known::default() };
             for vehicle in run.snapshot().vehicles.iter().filter(|vehicle| vehicle.speed_mps > 0.5) {
                 let Some(decision) = insight.decision(vehicle.id) else { continue };
-                let shown = known.status(vehicle, None);
+                let shown = known.status(vehicle);
                 assert!(shown != Status::Yielding || gives_way(decision.reason), "{vehicle:?}");
                 mended += usize::from(shown != vehicle.status);
             }
