@@ -66,14 +66,12 @@ impl Workers {
     /// Keeps threads ready during a step in which work on about `items` things is shared out several times; with few of them, or
     /// on a system that gives no threads, the caller works alone.
     pub fn at_hand<R>(&self, items: usize, step: impl FnOnce() -> R) -> R {
-        let Some((others, pool)) = self.others.as_ref().and_then(|others| Some((others, others.pool()?)))
-        else {
-            return step();
-        };
+        let Some(others) = &self.others else { return step() };
         let wanted = others.count.min((items / LEAST_SHARE).saturating_sub(1));
         if wanted == 0 || others.ready.load(Ordering::Relaxed) > 0 {
             return step();
         }
+        let Some(pool) = others.pool() else { return step() };
         let (is_over, at_work) = (AtomicBool::new(false), AtWork::default());
         others.ready.store(wanted, Ordering::Relaxed);
         pool.in_place_scope(|scope| {
@@ -220,5 +218,78 @@ impl AtWork {
             }
             std::hint::spin_loop();
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::collections::BTreeSet;
+    use std::thread::ThreadId;
+
+    fn workers(threads: usize) -> Workers {
+        Workers::new(NonZeroUsize::new(threads).unwrap())
+    }
+
+    #[test]
+    fn every_item_is_worked_on_once_whatever_the_number_of_threads() {
+        for threads in [1, 2, 3, 8] {
+            for count in [0, 1, JOB, 2 * JOB + 1, 1000] {
+                let workers = workers(threads);
+                let mut items = vec![0; count];
+                let mut partners: Vec<usize> = (0..count).collect();
+                workers.at_hand(count, || {
+                    workers.each(&mut items, |index, item| *item += index);
+                    workers.each_of_two((&mut items, &mut partners), |index, item, partner| {
+                        assert_eq!((*item, *partner), (index, index));
+                        *partner += *item;
+                    });
+                });
+                assert!(partners.iter().enumerate().all(|(index, partner)| *partner == 2 * index));
+            }
+        }
+    }
+
+    #[test]
+    fn threads_at_hand_share_the_work_and_go_to_sleep_after_it() {
+        let workers = workers(2);
+        let mut seen = BTreeSet::new();
+        let name = |id: ThreadId| format!("{id:?}");
+        // Of many steps at least one finds the other thread awake.
+        for _ in 0..1000 {
+            let mut by = vec![None; 1000];
+            workers.at_hand(by.len(), || {
+                workers.each(&mut by, |_, by| *by = Some(std::thread::current().id()));
+            });
+            seen.extend(by.into_iter().flatten().map(name));
+            if seen.len() == 2 {
+                break;
+            }
+        }
+        assert_eq!(seen.len(), 2, "{seen:?}");
+        assert_eq!(workers.others.as_ref().unwrap().ready.load(Ordering::Relaxed), 0);
+    }
+
+    #[test]
+    fn few_items_start_no_thread() {
+        let workers = workers(4);
+        let mut items = vec![0; LEAST_SHARE];
+        workers.at_hand(items.len(), || workers.each(&mut items, |_, item| *item = 1));
+        assert!(workers.others.as_ref().unwrap().pool.get().is_none_or(|pool| pool.is_none()));
+    }
+
+    #[test]
+    fn a_job_that_panics_ends_the_step_and_the_next_one_goes_on() {
+        let workers = workers(2);
+        let mut items = vec![0; 1000];
+        let step = || {
+            workers.at_hand(1000, || {
+                workers.each(&mut items, |index, _| assert_ne!(index, 999, "as asked for"));
+            });
+        };
+        assert!(std::panic::catch_unwind(std::panic::AssertUnwindSafe(step)).is_err());
+        let mut items = vec![0; 1000];
+        workers.at_hand(1000, || workers.each(&mut items, |_, item| *item = 1));
+        assert!(items.iter().all(|item| *item == 1));
     }
 }

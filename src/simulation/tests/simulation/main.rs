@@ -17,4 +17,5 @@ mod roundabout;
 mod seen;
 mod signals;
 mod unseen;
+mod workers;
 mod world;
