@@ -255,11 +255,14 @@ mod tests {
         let workers = workers(2);
         let mut seen = BTreeSet::new();
         let name = |id: ThreadId| format!("{id:?}");
-        // Of many steps at least one finds the other thread awake.
+        // To wake a thread takes longer than a short step: these take a millisecond.
+        let busy = || (0..1000).fold(1_u64, |value, k| std::hint::black_box(value.wrapping_mul(k | 1)));
         for _ in 0..1000 {
             let mut by = vec![None; 1000];
             workers.at_hand(by.len(), || {
-                workers.each(&mut by, |_, by| *by = Some(std::thread::current().id()));
+                workers.each(&mut by, |_, by| {
+                    *by = (busy() != 0).then(|| std::thread::current().id());
+                });
             });
             seen.extend(by.into_iter().flatten().map(name));
             if seen.len() == 2 {

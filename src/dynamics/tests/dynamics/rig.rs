@@ -50,8 +50,10 @@ impl Rig {
     }
 
     pub fn drive(&mut self, actuation: &Actuation) {
-        let impetus = self.dynamics.actuate(&self.physics, &self.spec, actuation, DT).unwrap();
-        self.physics.impel(self.dynamics.body(), &impetus);
+        let impetus = self.dynamics.actuate(&self.physics, &self.spec, actuation, DT);
+        if let Some(impetus) = impetus {
+            self.physics.impel(self.dynamics.body(), &impetus);
+        }
         self.physics.step();
         self.motion = self.dynamics.read_back(&self.physics, &self.spec, DT);
         self.tick += 1;

@@ -104,6 +104,9 @@ pub struct Collisions {
     outlines: Vec<OrientedRect>,
 }
 
+/// More than distances are rounded by.
+const ROUNDING_M: f64 = 1e-6;
+
 /// Outlines that have collided are clear when they no longer overlap, enlarged by this.
 const APART_M: f64 = 1.0;
 
@@ -131,12 +134,16 @@ impl Collisions {
         self.sweep();
         let mut found: Vec<(VehicleId, VehicleId)> = Vec::new();
         for (place, &(west, a)) in self.by_west_end.iter().enumerate() {
-            let east = west + 2.0 * self.outlines[a].radius();
+            let (outline, radius) = (&self.outlines[a], self.outlines[a].radius());
+            let east = west + 2.0 * radius;
             for &(other_west, b) in &self.by_west_end[place + 1..] {
                 if other_west > east {
                     break;
                 }
-                if self.outlines[a].overlap(&self.outlines[b]).is_some() {
+                // In a grid of streets most that share their east and west are far to the north or south.
+                let other = &self.outlines[b];
+                let apart_m = (outline.centre.y - other.centre.y).abs();
+                if apart_m < radius + other.radius() + ROUNDING_M && outline.overlap(other).is_some() {
                     let (low, high) = (a.min(b), a.max(b));
                     found.push((vehicles[low].state.id, vehicles[high].state.id));
                 }

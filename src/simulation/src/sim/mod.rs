@@ -11,8 +11,8 @@ use city3d_dynamics::physics::{Impetus, Physics};
 use city3d_geometry::OrientedRect;
 use city3d_geometry::digest::{Digest, StateHash};
 use city3d_protocol::snapshot::{
-    Aspect, Event, EventKind, FrameSnapshot, Setup, SignalAspects, SimCommand, VehicleId, VehicleInfo,
-    VehicleState,
+    Aspect, Event, EventKind, FrameSnapshot, Setup, SignalAspects, SimCommand, Trajectory, VehicleId,
+    VehicleInfo, VehicleState,
 };
 use collision::{Collisions, StaticObstacles};
 use serde::{Deserialize, Serialize};
@@ -177,13 +177,16 @@ impl World {
     /// [`Self::tick_into`] without sorting: a log has commands in the order in which they were applied, while
     /// the clock was stopped perhaps one by one.
     pub fn tick_as_given(&mut self, commands: &[SimCommand], out: &mut FrameSnapshot) {
-        commands.iter().for_each(|command| self.apply(command));
-        out.events.clear();
-        if self.state.is_running {
-            // Events before the start belong to the first tick, also after a reset.
-            out.events.append(&mut self.state.pending);
-            self.step(&mut out.events);
-        }
+        let experiment = Arc::clone(&self.experiment);
+        experiment.workers.at_hand(self.state.vehicles.len(), || {
+            self.apply_all(commands);
+            out.events.clear();
+            if self.state.is_running {
+                // Events before the start belong to the first tick, also after a reset.
+                out.events.append(&mut self.state.pending);
+                self.step(&mut out.events);
+            }
+        });
         self.describe(out);
     }
 
@@ -192,6 +195,35 @@ impl World {
         let mut out = FrameSnapshot::default();
         self.describe(&mut out);
         out
+    }
+
+    /// Applies commands in their order; trajectories that most vehicles get together are shared out.
+    fn apply_all(&mut self, commands: &[SimCommand]) {
+        let mut rest = commands;
+        while !rest.is_empty() {
+            let count = rest.iter().map_while(followed_trajectory).count();
+            let (next, others) = rest.split_at(count.max(1));
+            let is_in_order = || next.is_sorted_by_key(SimCommand::vehicle);
+            if count > self.state.vehicles.len() / 2 && is_in_order() {
+                self.follow_all(next);
+            } else {
+                next.iter().for_each(|command| self.apply(command));
+            }
+            rest = others;
+        }
+    }
+
+    /// Gives vehicles their trajectories, which are in the order of ids.
+    fn follow_all(&mut self, commands: &[SimCommand]) {
+        let (time_s, timeout_s) = (self.time_s(), self.experiment.link_timeout_s);
+        let trajectories: Vec<&Trajectory> = commands.iter().filter_map(followed_trajectory).collect();
+        self.experiment.workers.each(&mut self.state.vehicles, |_, vehicle| {
+            let id = vehicle.state.id;
+            let first = trajectories.partition_point(|trajectory| trajectory.vehicle < id);
+            for trajectory in trajectories[first..].iter().take_while(|trajectory| trajectory.vehicle == id) {
+                vehicle.follow(trajectory, time_s, timeout_s);
+            }
+        });
     }
 
     fn apply(&mut self, command: &SimCommand) {
@@ -257,11 +289,6 @@ impl World {
     }
 
     fn step(&mut self, events: &mut Vec<Event>) {
-        let experiment = Arc::clone(&self.experiment);
-        experiment.workers.at_hand(self.state.vehicles.len(), || self.step_at_hand(events));
-    }
-
-    fn step_at_hand(&mut self, events: &mut Vec<Event>) {
         let (dt_s, link_timeout_s) = (self.experiment.rates.dt_s(), self.experiment.link_timeout_s);
         let workers = &self.experiment.workers;
         let before_s = self.time_s();
@@ -309,6 +336,10 @@ impl World {
         self.state.digest(&mut hash);
         out.state_hash = hash.finish();
     }
+}
+
+fn followed_trajectory(command: &SimCommand) -> Option<&Trajectory> {
+    if let SimCommand::Follow(trajectory) = command { Some(trajectory) } else { None }
 }
 
 impl WorldState {

@@ -16,7 +16,7 @@ fn city(more: &str) -> Experiment {
     let grid = Grid { size: "6x10".parse().unwrap(), ..Grid::default() };
     let library = Library::kept(grid.to_dxf().unwrap().into_bytes(), BTreeMap::new());
     let text = format!(
-        "name = \"grid\"\nmap = \"grid.dxf\"\nseed = 3\nduration_s = 60.0\nenvironment = \"testbed\"\n{more}\n\
+        "name = \"grid\"\nmap = \"grid.dxf\"\nseed = 3\nduration_s = 60.0\n{more}\n[environment]\nprofile = \"testbed\"\n\
          [driver.default]\ncontroller = \"ploeg\"\n\
          [traffic]\nvehicles = {VEHICLES}\nspread = 0.08\nstart_speed_mps = 0.2\n"
     );

@@ -153,7 +153,7 @@ fn is_narrow(ui: &Ui) -> bool {
 /// What measures are that the card of a finished run has, too.
 pub(super) const FLOW: &str = "Exits after the first one over the time since it, vehicles an hour; none of fewer than two after the warm-up";
 pub(super) const DELAY: &str = "Mean time lost against driving alone, with the time held outside";
-pub(super) const STOPS: &str = "How often vehicles slowed down to less than 0.5 m/s, also at the ends of their routes. Events \"stop\" are counted below 0.1 m/s: their number differs";
+pub(super) const STOPS: &str = "How often vehicles came to stand: below 0.5 m/s, also where they come to the end of their routes. Events \"stop\" are counted below 0.1 m/s: their number differs";
 
 const COLUMNS: [(&str, &str); 10] = [
     ("", ""),

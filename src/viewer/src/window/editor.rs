@@ -478,11 +478,12 @@ mod tests {
 
     #[test]
     fn a_start_where_another_vehicle_is_moves_with_a_warning() {
-        let mut editor = editor("straight");
+        let mut editor = editor("roundabout");
+        let lane = || "north-avenue/east/2".to_owned();
+        editor.add(lane(), 1.5);
         settle(&mut editor);
         assert_eq!(editor.view().warnings, &[] as &[String]);
-        let there = editor.view().vehicles[0].clone();
-        editor.add(there.route[0].clone(), there.at_m);
+        editor.add(lane(), 1.51);
         settle(&mut editor);
         let view = editor.view();
         assert_eq!((view.problems, view.warnings.len()), (&[] as &[String], 1));

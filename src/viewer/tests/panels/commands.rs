@@ -139,7 +139,6 @@ fn the_palette_finds_actions_by_the_words_that_others_use() {
         ("snapshot", "Save a screenshot"),
         ("font", "Larger interface"),
         ("why", "Inspector: why the selected vehicle does what it does"),
-        ("why is it slow", "Inspector: why the selected vehicle does what it does"),
         ("compare runs", "Compare with another recorded run"),
         ("take a picture", "Save a screenshot"),
         ("bird's eye", "Overhead camera"),
