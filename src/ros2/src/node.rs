@@ -25,7 +25,7 @@ use std::thread::JoinHandle;
 use std::time::Duration;
 
 /// Instants that wait for the thread, also while it advertises many vehicles at once; the oldest are dropped (load shedding).
-const FRAME_CAPACITY: usize = 256;
+const FRAME_CAPACITY: usize = 1024;
 /// Pictures that wait for the thread; the oldest are dropped (load shedding).
 const PICTURE_CAPACITY: usize = 32;
 /// Received messages of a topic that are taken before instants are published.
