@@ -85,7 +85,10 @@ fn who_joins_late_takes_nothing_from_those_who_listen() {
         assert!(begun.elapsed() < Duration::from_secs(60), "{heard} of {instant}: {:?}", city.counters());
         let stamp_s = instant as f64;
         city.publish(stamp_s, &all, vec![measured(CAR, stamp_s, DVec3::ZERO, DQuat::IDENTITY).unwrap()]);
-        while let Some(received) = listener.receive(Duration::from_micros(500)) {
+        // Behind a listener that a loaded machine keeps waiting, at 50 Hz: no window is made for 2 kHz.
+        let is_behind = first.is_none_or(|first| first + heard + 100 < instant);
+        let wait = if is_behind { Duration::from_millis(20) } else { Duration::from_micros(500) };
+        while let Some(received) = listener.receive(wait) {
             let number = received.pose.stamp_s as u64;
             let first = *first.get_or_insert(number);
             assert_eq!(number - first, heard, "in their order, and each of them");

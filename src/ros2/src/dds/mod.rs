@@ -26,8 +26,6 @@ use std::task::Waker;
 
 /// Encapsulation header of CDR, which RustDDS writes itself.
 const HEADER_BYTES: usize = 4;
-/// Messages that wait for the window of a topic; the oldest are dropped (load shedding).
-const MAX_BACKLOG: usize = 64;
 /// Messages of a subscription that wait to be taken.
 const RECEIVE_DEPTH: i32 = 256;
 
@@ -119,7 +117,9 @@ impl Middleware for Dds {
     ) -> Result<Box<dyn TopicPublisher>, Ros2Error> {
         let writer = self.writer(&format!("rt{topic}"), &kind.dds_name(), &qos(offer))?;
         self.graph.add_writer(writer.guid().to_bytes());
-        Ok(Box::new(DdsPublisher { writer, backlog: VecDeque::new(), readers: 0 }))
+        // Ten seconds of poses at 100 Hz: a loaded machine may be that late.
+        let max_backlog = usize::from(offer.window / 4);
+        Ok(Box::new(DdsPublisher { writer, backlog: VecDeque::new(), max_backlog, readers: 0 }))
     }
 
     fn subscriber(
@@ -161,6 +161,8 @@ struct DdsPublisher {
     /// Messages that the writer has not taken yet: to RustDDS a reader has acknowledged nothing until it first does, so that
     /// the window of a writer that has run for a while is full for some milliseconds whenever a reader joins.
     backlog: VecDeque<Bytes>,
+    /// Messages that wait at most; the oldest are dropped (load shedding).
+    max_backlog: usize,
     /// Readers that are matched now.
     readers: i32,
 }
@@ -174,7 +176,7 @@ impl TopicPublisher for DdsPublisher {
                 break;
             }
         }
-        let is_full = self.backlog.len() > MAX_BACKLOG;
+        let is_full = self.backlog.len() > self.max_backlog;
         if is_full {
             self.backlog.pop_front();
         }
