@@ -165,6 +165,8 @@ pub struct Cav {
     estimate: Option<RouteEstimate>,
     /// Off its route and on no lane in the direction of travel, as a person may drive.
     is_off_route: bool,
+    /// It stands at the end of its route.
+    is_finished: bool,
     /// As measured.
     pub pose: Pose2,
     /// Speed along its heading; used while it is on no lane.
@@ -195,9 +197,10 @@ const LEAST_STEP_S: f64 = 1e-3;
 
 /// Distance behind a section at which its exit is looked up.
 const BEHIND_SECTION_M: f64 = 1e-6;
-/// A route is finished when its vehicle stands this close to its end.
+/// A route is finished when its vehicle stands this close to its end, and until it is farther or moves: poses have errors.
 const FINISHED_WITHIN_M: f64 = 0.05;
 const FINISHED_MPS: f64 = 0.004;
+const FINISHED_UNTIL_M: f64 = 2.0 * FINISHED_WITHIN_M;
 
 impl Cav {
     pub(super) fn new(map: &LabMap, setup: CavSetup, drivers: &Drivers) -> Result<Self, SetupError> {
@@ -228,6 +231,7 @@ impl Cav {
             setup_speed_mps: Some(setup.speed_mps),
             estimate: None,
             is_off_route: false,
+            is_finished: false,
             pose: Pose2::default(),
             heading_mps: setup.speed_mps,
             axle_s: 0.0,
@@ -436,8 +440,17 @@ impl Cav {
 
     /// Whether it stands at the end of its route.
     pub(super) fn is_finished(&self) -> bool {
-        let is_at_end = self.route.length() - self.front_s() < FINISHED_WITHIN_M;
-        is_at_end && !self.leaves && self.plan.speed_mps < FINISHED_MPS
+        self.is_finished
+    }
+
+    /// Notes whether it stands at the end of its route.
+    pub(super) fn note_arrival(&mut self) {
+        let (within_m, below_mps) = match self.is_finished {
+            false => (FINISHED_WITHIN_M, FINISHED_MPS),
+            true => (FINISHED_UNTIL_M, super::STANDS_MPS),
+        };
+        let is_at_end = self.route.length() - self.front_s() < within_m;
+        self.is_finished = is_at_end && !self.leaves && self.plan.speed_mps < below_mps;
     }
 
     /// Updates the yielding state. Yielding begins when right of way has held the vehicle for a while, and

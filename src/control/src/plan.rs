@@ -24,6 +24,7 @@ pub fn trajectory(map: &LabMap, cav: &mut Cav, now_s: f64) -> Trajectory<Lab> {
     cav.indicator = indicator(map, cav);
     let mut trajectory = empty_trajectory(cav.id, cav.sequence, OFFSETS_S.len());
     trajectory.yielding = matches!(cav.yielding, Yielding::At { .. });
+    cav.note_arrival();
     trajectory.finished = cav.is_finished();
     trajectory.indicator = cav.indicator;
     let coordinated = cav.coordinated_plan().filter(|_| cav.coordination.follows_plan);

@@ -52,6 +52,28 @@ fn yielding_lasts_and_is_one_event() {
     }
 }
 
+/// Poses with errors and a plan that still creeps do not make a vehicle arrive twice.
+#[test]
+fn who_has_arrived_stays_so_under_noise() {
+    for (name, seed) in
+        ["roundabout", "straight"].into_iter().flat_map(|name| (1..=4).map(move |s| (name, s)))
+    {
+        let testbed = Some(EnvironmentProfile::Testbed);
+        let overrides = Overrides { seed: Some(seed), environment: testbed, ..Overrides::default() };
+        let (text, library) = Library::scenario(name).expect("a shipped scenario");
+        let experiment = read_experiment(name, &text, &library, overrides).expect("a good scenario");
+        let mut run = Run::new(Arc::new(experiment)).expect("a run");
+        let mut arrivals: BTreeMap<VehicleId, u32> = BTreeMap::new();
+        for _ in 0..run.experiment().ticks() {
+            for event in run.step().events.iter().filter(|event| event.kind == EventKind::Finish) {
+                *arrivals.entry(event.vehicle).or_default() += 1;
+            }
+        }
+        let all_once = !arrivals.is_empty() && arrivals.values().all(|count| *count == 1);
+        assert!(all_once, "{name}, seed {seed}: {arrivals:?}");
+    }
+}
+
 #[test]
 fn fifty_cars_under_lag_and_noise_neither_collide_nor_freeze() {
     let runs: Vec<[RunMetrics; 2]> = std::thread::scope(|scope| {
