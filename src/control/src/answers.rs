@@ -1,12 +1,13 @@
-//! What the vehicles of a control step decide, and what they are told. Those that decide by what they see alone do so side by
-//! side; who hears of a decision of the same step, in a platoon or on a coordinated plan, decides in order.
+//! What the vehicles of a control step decide, and what they are told. They decide side by side, by what they see and by who
+//! followed a plan in the step before; who relied on somebody that has begun or ceased to, and who hears of a decision of the
+//! same step in a platoon, decides in order.
 
 use super::cav::Yielding;
-use super::coordination::filter::SafetyFilter;
+use super::coordination::filter::{FilterCounts, SafetyFilter};
 use super::decision::{Decision, Obstacle, ObstacleKind, StopPlace};
 use super::limit::Limit;
 use super::platooning::Platooning;
-use super::right_of_way::{ConstraintKind, RightOfWay, YieldConstraint};
+use super::right_of_way::{ConstraintKind, RightOfWay, VehicleSet, WayLeft, YieldConstraint};
 use super::strangers::Strangers;
 use super::traffic::Occupancy;
 use super::{Cav, SIGHT_M, plan};
@@ -36,8 +37,9 @@ pub(super) struct Heeded {
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Decided {
     decision: Decision,
-    /// Distance from the front bumper to the nearest place where it has no right of way yet.
-    wait_m: f64,
+    left: WayLeft,
+    /// What the safety filter did.
+    filtered: FilterCounts,
     /// Whether somebody has priority where it has been yielding.
     still_gives_way: bool,
 }
@@ -51,39 +53,25 @@ pub(super) struct Answer {
 }
 
 impl Surroundings<'_> {
-    /// What a driver decides by what it sees.
-    pub fn driver_decides(&self, index: usize, heeded: &mut Heeded) -> Decided {
-        let wait_m = self.look_ahead(index, heeded);
-        self.decided(index, Decision::of_driver(&self.cavs[index], &heeded.ahead), wait_m, heeded)
-    }
-
-    /// What a vehicle decides that may have a plan.
-    pub fn vehicle_decides(
-        &self,
-        index: usize,
-        now_s: f64,
-        (heeded, filter): (&mut Heeded, &mut SafetyFilter),
-    ) -> Decided {
-        let Some(planned) = self.cavs[index].planned_acceleration(now_s) else {
-            return self.driver_decides(index, heeded);
+    /// What a vehicle decides, on its plan where it has one, else as its driver.
+    pub fn vehicle_decides(&self, index: usize, now_s: f64, heeded: &mut Heeded) -> Decided {
+        let (cav, left) = (&self.cavs[index], self.look_ahead(index, heeded));
+        let mut filter = SafetyFilter::default();
+        let decision = match cav.planned_acceleration(now_s) {
+            Some(planned) => Decision::of_plan(planned, cav, &heeded.ahead, &mut filter),
+            None => Decision::of_driver(cav, &heeded.ahead),
         };
-        let wait_m = self.look_ahead(index, heeded);
-        let decision = Decision::of_plan(planned, &self.cavs[index], &heeded.ahead, filter);
-        self.decided(index, decision, wait_m, heeded)
-    }
-
-    fn decided(&self, index: usize, decision: Decision, wait_m: f64, heeded: &Heeded) -> Decided {
-        let still_gives_way = match self.cavs[index].yielding {
+        let still_gives_way = match cav.yielding {
             Yielding::At { section, .. } => {
                 heeded.constraints.iter().any(|held| held.gives_way && held.section == section)
             }
             _ => false,
         };
-        Decided { decision, wait_m, still_gives_way }
+        Decided { decision, left, filtered: filter.counts(), still_gives_way }
     }
 
-    /// Collects what a vehicle has to heed. Returns the distance to the nearest place where it has to wait.
-    fn look_ahead(&self, index: usize, heeded: &mut Heeded) -> f64 {
+    /// Collects what a vehicle has to heed.
+    fn look_ahead(&self, index: usize, heeded: &mut Heeded) -> WayLeft {
         let Heeded { ahead, constraints } = heeded;
         let cav = &self.cavs[index];
         ahead.clear();
@@ -105,9 +93,9 @@ impl Surroundings<'_> {
             Some(Obstacle::leader(there, Limit::behind(reason, None, there.gap_m)))
         }));
         constraints.clear();
-        let wait_m = self.right_of_way.yield_constraints(self.map, index, self.cavs, constraints);
+        let left = self.right_of_way.yield_constraints(self.map, index, self.cavs, constraints);
         ahead.extend(constraints.iter().map(|constraint| self.obstacle_of(cav, constraint)));
-        wait_m
+        left
     }
 
     fn obstacle_of(&self, cav: &Cav, constraint: &YieldConstraint) -> Obstacle {
@@ -126,20 +114,18 @@ impl Surroundings<'_> {
 
 impl Answer {
     /// Forgets the last step, and decides for a vehicle that hears of nobody's decision.
-    pub fn begin(&mut self, around: &Surroundings<'_>, index: usize, heeded: &mut Heeded) {
-        let cav = &around.cavs[index];
-        let hears = around.platooning.is_some() || cav.coordinated_plan().is_some();
-        let is_alone = cav.is_on_route() && !hears;
+    pub fn begin(&mut self, around: &Surroundings<'_>, index: usize, now_s: f64, heeded: &mut Heeded) {
+        let is_alone = around.cavs[index].is_on_route() && around.platooning.is_none();
         *self = Self {
-            decided: is_alone.then(|| around.driver_decides(index, heeded)),
+            decided: is_alone.then(|| around.vehicle_decides(index, now_s, heeded)),
             is_applied: false,
             trajectory: None,
         };
     }
 
-    /// What the vehicle has decided by itself.
-    pub fn decided(&self) -> Option<Decided> {
-        self.decided
+    /// What the vehicle has decided by itself, unless it relied on the plan of one of these.
+    pub fn decided_without(&self, changed: VehicleSet) -> Option<Decided> {
+        self.decided.filter(|decided| !decided.left.relies_on.meets(changed))
     }
 
     /// Notes that the decision was applied.
@@ -170,9 +156,14 @@ impl Answer {
 }
 
 impl Decided {
+    /// What the safety filter did for it.
+    pub fn filtered(&self) -> &FilterCounts {
+        &self.filtered
+    }
+
     /// Advances the vehicle's plan by a control step.
     pub fn apply(&self, cav: &mut Cav, time_s: f64, dt_s: f64) {
-        cav.wait_m = self.wait_m;
+        cav.wait_m = self.left.wait_m;
         cav.note_yielding(time_s, &self.decision, self.still_gives_way);
         cav.apply(self.decision, time_s, dt_s);
         cav.limit = Limit::applied(cav, &self.decision);

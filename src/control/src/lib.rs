@@ -52,7 +52,7 @@ use coordination::filter::SafetyFilter;
 use coordination::platoon::{PlatoonParams, Platoons};
 use coordination::{CoordinationReport, ZoneCoordination};
 use platooning::Platooning;
-use right_of_way::RightOfWay;
+use right_of_way::{RightOfWay, VehicleSet};
 use std::sync::Arc;
 use strangers::Strangers;
 use thiserror::Error;
@@ -255,7 +255,8 @@ impl Mainframe {
         }
         self.signals.update(time_s, &self.map, &self.cavs, &self.strangers);
         messages.extend(self.signals.messages(time_s).map(Message::Signals));
-        self.right_of_way.update(time_s, &self.map, &mut self.cavs, &self.occupancy, &self.signals);
+        let around = (&*self.map, &self.occupancy, &self.signals);
+        self.right_of_way.update(time_s, around, &mut self.cavs, &self.workers);
         reroute::reroute_blocked(time_s, &self.map, &mut self.cavs, &mut self.right_of_way, &self.occupancy);
         if let Some(platooning) = &mut self.platooning {
             platooning.update(time_s, &self.map, &mut self.cavs, &self.occupancy, &self.strangers);
@@ -297,52 +298,66 @@ impl Mainframe {
 
     /// Lets the vehicles decide, and adds the messages to them.
     fn answer(&mut self, time_s: f64, dt_s: f64, messages: &mut Vec<Message>) {
-        self.answers.resize_with(self.cavs.len(), Answer::default);
-        let around = Surroundings {
+        let mut answers = std::mem::take(&mut self.answers);
+        answers.resize_with(self.cavs.len(), Answer::default);
+        let around = self.surroundings();
+        self.workers.each_with(&mut answers, Heeded::default, |heeded, index, answer| {
+            answer.begin(&around, index, time_s, heeded);
+        });
+        if self.coordination.is_some() || self.platooning.is_some() {
+            self.decide_in_order((time_s, dt_s), &mut answers);
+        }
+        let map = &*self.map;
+        self.workers.each_of_two((&mut self.cavs, &mut answers), |_, cav, answer| {
+            answer.finish(map, cav, (time_s, dt_s));
+        });
+        messages.extend((0..self.cavs.len()).filter_map(|place| {
+            let trajectory = answers[self.decides_at(place)].take_trajectory();
+            trajectory.map(Message::Follow)
+        }));
+        self.answers = answers;
+    }
+
+    /// Members of platoons are told what their predecessors have decided, and a vehicle on a plan relies on those of others that
+    /// still follow theirs.
+    fn decide_in_order(&mut self, (time_s, dt_s): (f64, f64), answers: &mut [Answer]) {
+        let mut heeded = std::mem::take(&mut self.heeded);
+        // Who has begun or ceased to follow a plan in this step.
+        let mut changed = VehicleSet::default();
+        for place in 0..self.cavs.len() {
+            let index = self.decides_at(place);
+            if !self.cavs[index].is_on_route() {
+                continue;
+            }
+            let decided = answers[index]
+                .decided_without(changed)
+                .unwrap_or_else(|| self.surroundings().vehicle_decides(index, time_s, &mut heeded));
+            let cav = &mut self.cavs[index];
+            let followed_plan = cav.coordination.follows_plan;
+            decided.apply(cav, time_s, dt_s);
+            if cav.coordination.follows_plan != followed_plan {
+                changed.add(index);
+            }
+            self.safety_filter.add(decided.filtered());
+            answers[index].set_applied();
+        }
+        self.heeded = heeded;
+    }
+
+    /// Index of the vehicle that decides at this place of the order.
+    fn decides_at(&self, place: usize) -> usize {
+        self.platooning.as_ref().map_or(place, |platooning| platooning.decides_at(place))
+    }
+
+    /// What vehicles decide from.
+    fn surroundings(&self) -> Surroundings<'_> {
+        Surroundings {
             map: &self.map,
             cavs: &self.cavs,
             occupancy: &self.occupancy,
             right_of_way: &self.right_of_way,
             strangers: &self.strangers,
             platooning: self.platooning.as_ref(),
-        };
-        self.workers.each_with(&mut self.answers, Heeded::default, |heeded, index, answer| {
-            answer.begin(&around, index, heeded);
-        });
-        if self.coordination.is_some() || self.platooning.is_some() {
-            self.decide_in_order(time_s, dt_s);
-        }
-        let map = &*self.map;
-        self.workers.each_of_two((&mut self.cavs, &mut self.answers), |_, cav, answer| {
-            answer.finish(map, cav, (time_s, dt_s));
-        });
-        messages.extend((0..self.cavs.len()).filter_map(|place| {
-            let index = self.platooning.as_ref().map_or(place, |platooning| platooning.decides_at(place));
-            self.answers[index].take_trajectory().map(Message::Follow)
-        }));
-    }
-
-    /// Members of platoons are told what their predecessors have decided, and a vehicle on a plan relies on those of others that
-    /// still follow theirs.
-    fn decide_in_order(&mut self, time_s: f64, dt_s: f64) {
-        for place in 0..self.cavs.len() {
-            let index = self.platooning.as_ref().map_or(place, |platooning| platooning.decides_at(place));
-            if !self.cavs[index].is_on_route() {
-                continue;
-            }
-            let around = Surroundings {
-                map: &self.map,
-                cavs: &self.cavs,
-                occupancy: &self.occupancy,
-                right_of_way: &self.right_of_way,
-                strangers: &self.strangers,
-                platooning: self.platooning.as_ref(),
-            };
-            let decided = self.answers[index].decided().unwrap_or_else(|| {
-                around.vehicle_decides(index, time_s, (&mut self.heeded, &mut self.safety_filter))
-            });
-            decided.apply(&mut self.cavs[index], time_s, dt_s);
-            self.answers[index].set_applied();
         }
     }
 

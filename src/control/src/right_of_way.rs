@@ -10,6 +10,7 @@
 //! if it cannot stop comfortably; then the ranks of a junction without lines hold.
 
 mod admitted_towards;
+mod candidate;
 mod constraints;
 mod deadlock;
 mod inside;
@@ -19,6 +20,7 @@ mod room_tests;
 mod waiting;
 
 pub use constraints::{ConstraintKind, YieldConstraint};
+pub(crate) use constraints::{VehicleSet, WayLeft};
 
 use super::Cav;
 use super::loops::LoopCapacity;
@@ -26,9 +28,10 @@ use super::route::{RANK_MAJOR, RANK_STOP, RANK_YIELD, Rank};
 use super::signals::{self, Signals};
 use super::traffic::Occupancy;
 use admitted_towards::{AdmittedTowards, lane_start};
+use candidate::Candidate;
 use city3d_roadmap::{LabMap, LaneId, ZoneKind};
+use city3d_workers::Workers;
 use serde::{Deserialize, Serialize};
-use std::cmp::Ordering;
 use waiting::{note_signal, revoke_stalled_admissions};
 
 /// Parameters of the right of way, laboratory units.
@@ -161,27 +164,6 @@ struct ZoneUser {
     rank: Rank,
 }
 
-/// A vehicle that requests admission.
-#[derive(Clone, Copy, Debug)]
-struct Candidate {
-    rank: Rank,
-    /// Infinite while it moves.
-    standing_since_s: f64,
-    distance: f64,
-    vehicle: usize,
-}
-
-impl Candidate {
-    /// Order: rank, then longest standing, then nearest.
-    fn before(&self, other: &Self) -> Ordering {
-        self.rank
-            .cmp(&other.rank)
-            .then(self.standing_since_s.total_cmp(&other.standing_since_s))
-            .then(self.distance.total_cmp(&other.distance))
-            .then(self.vehicle.cmp(&other.vehicle))
-    }
-}
-
 /// Right of way of all vehicles: rules, admission numbers, and the users of each zone.
 #[derive(Clone, Debug)]
 pub struct RightOfWay {
@@ -195,7 +177,9 @@ pub struct RightOfWay {
     /// Users by zone, rebuilt each control step.
     users: Vec<Vec<ZoneUser>>,
     admitted_towards: AdmittedTowards,
-    /// Buffer of candidates.
+    /// By vehicle; a buffer.
+    requests: Vec<Option<Candidate>>,
+    /// Those of them that are one, in order; a buffer.
     candidates: Vec<Candidate>,
 }
 
@@ -219,6 +203,7 @@ impl RightOfWay {
             loops: LoopCapacity::new(map),
             users,
             admitted_towards: AdmittedTowards::new(map),
+            requests: Vec::new(),
             candidates: Vec::new(),
         }
     }
@@ -238,17 +223,11 @@ impl RightOfWay {
     pub fn update(
         &mut self,
         now_s: f64,
-        map: &LabMap,
+        (map, occupancy, signals): (&LabMap, &Occupancy, &Signals),
         cavs: &mut [Cav],
-        occupancy: &Occupancy,
-        signals: &Signals,
+        workers: &Workers,
     ) {
-        for cav in cavs.iter_mut().filter(|cav| cav.is_on_route()) {
-            let (rear_s, sections) = (cav.rear_s(), &cav.route.sections);
-            cav.passage.admissions.retain(|admission| sections[admission.section].to_s > rear_s);
-            self.note_standing(now_s, cav);
-            revoke_stalled_admissions(now_s, cav);
-        }
+        workers.each(cavs, |_, cav| note_progress(now_s, cav));
         if !signals.is_empty() {
             signals::revoke_admissions(cavs, signals);
             cavs.iter_mut().filter(|cav| cav.is_on_route()).for_each(|cav| note_signal(cav, signals));
@@ -258,24 +237,14 @@ impl RightOfWay {
         self.loops.recount(cavs);
         self.admit_vehicles_inside(cavs);
         self.resolve_deadlocks(now_s, map, cavs, occupancy);
-        self.candidates.clear();
-        // Lost vehicles are stopped and request nothing.
-        let may_ask = |cav: &Cav| cav.is_on_route() && !cav.is_lost();
-        for (vehicle, cav) in cavs.iter().enumerate().filter(|(_, cav)| may_ask(cav)) {
-            if let Some(section) = cav.route.sections.get(cav.passage.next_section) {
-                let distance = section.hold_s - cav.front_s();
-                let asks = now_s >= cav.passage.asks_from_s || cav.speed_mps() > super::STANDS_MPS;
-                if asks && distance < asking_distance(cav) && !cav.passage.is_held_by_signal {
-                    let green_since_s = section.signal.map(|head| signals.head(head).since_s);
-                    let has_priority =
-                        cav.coordinated_plan().is_some() || self.is_impatient(now_s, cav, green_since_s);
-                    let rank = if has_priority { RANK_MAJOR } else { section.rank };
-                    let standing_since_s = cav.passage.standing_since_s.unwrap_or(f64::INFINITY);
-                    self.candidates.push(Candidate { rank, standing_since_s, distance, vehicle });
-                }
-            }
-        }
-        let mut candidates = std::mem::take(&mut self.candidates);
+        let (mut requests, mut candidates) =
+            (std::mem::take(&mut self.requests), std::mem::take(&mut self.candidates));
+        requests.resize(cavs.len(), None);
+        workers.each(&mut requests, |vehicle, request| {
+            *request = self.candidate(now_s, vehicle, cavs, signals);
+        });
+        candidates.clear();
+        candidates.extend(requests.iter().flatten());
         candidates.sort_by(Candidate::before);
         // Exits that a standing vehicle waits for: later requests do not overtake it.
         let mut awaited: Vec<LaneId> = Vec::new();
@@ -294,7 +263,7 @@ impl RightOfWay {
                 awaited.push(exit);
             }
         }
-        self.candidates = candidates;
+        (self.requests, self.candidates) = (requests, candidates);
     }
 
     /// Admits vehicles that started inside a section or could not stop before it, so that others respect
@@ -325,26 +294,6 @@ impl RightOfWay {
         for cav in cavs.iter_mut().filter(|cav| cav.is_on_route()) {
             cav.passage.was_before_line |= cav.passage.next_section < cav.route.sections.len();
         }
-    }
-
-    fn note_standing(&self, now_s: f64, cav: &mut Cav) {
-        let stands = cav.speed_mps() < super::STANDS_MPS;
-        cav.passage.stands_since_s = stands.then(|| cav.passage.stands_since_s.unwrap_or(now_s));
-        let Some(section) = cav.route.sections.get(cav.passage.next_section) else { return };
-        let at_line = section.hold_s - cav.front_s() < AT_LINE_M;
-        if stands && at_line && !cav.is_lost() {
-            cav.passage.standing_since_s.get_or_insert(now_s);
-        }
-    }
-
-    /// At a signal only time on green counts, and a green that was missed.
-    fn is_impatient(&self, now_s: f64, cav: &Cav, green_since_s: Option<f64>) -> bool {
-        let from_s = green_since_s.unwrap_or(f64::NEG_INFINITY);
-        cav.passage.missed_green
-            || cav
-                .passage
-                .standing_since_s
-                .is_some_and(|since_s| now_s - since_s.max(from_s) > self.params.patience_s)
     }
 
     fn collect_zone_users(&mut self, cavs: &[Cav]) {
@@ -574,6 +523,27 @@ impl RightOfWay {
                 }
             }
         }
+    }
+}
+
+/// Releases sections that a vehicle has left, and notes where it stands.
+fn note_progress(now_s: f64, cav: &mut Cav) {
+    if !cav.is_on_route() {
+        return;
+    }
+    let (rear_s, sections) = (cav.rear_s(), &cav.route.sections);
+    cav.passage.admissions.retain(|admission| sections[admission.section].to_s > rear_s);
+    note_standing(now_s, cav);
+    revoke_stalled_admissions(now_s, cav);
+}
+
+fn note_standing(now_s: f64, cav: &mut Cav) {
+    let stands = cav.speed_mps() < super::STANDS_MPS;
+    cav.passage.stands_since_s = stands.then(|| cav.passage.stands_since_s.unwrap_or(now_s));
+    let Some(section) = cav.route.sections.get(cav.passage.next_section) else { return };
+    let at_line = section.hold_s - cav.front_s() < AT_LINE_M;
+    if stands && at_line && !cav.is_lost() {
+        cav.passage.standing_since_s.get_or_insert(now_s);
     }
 }
 

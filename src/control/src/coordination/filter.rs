@@ -150,6 +150,19 @@ impl SafetyFilter {
         self.counts
     }
 
+    /// Counts what another filter has done as well.
+    pub(crate) fn add(&mut self, other: &FilterCounts) {
+        let FilterCounts { steps, limited, empty, unsafe_states, least_barrier_m } = &mut self.counts;
+        *steps += other.steps;
+        *limited += other.limited;
+        *empty += other.empty;
+        *unsafe_states += other.unsafe_states;
+        if let Some(barrier_m) = other.least_barrier_m {
+            let least_m = least_barrier_m.get_or_insert(f64::INFINITY);
+            *least_m = least_m.min(barrier_m);
+        }
+    }
+
     /// The permitted acceleration nearest to the wanted one; u_min where none is permitted.
     pub fn limit(&mut self, wanted_mps2: f64, params: &FilterParams, bounds: AccelerationBounds) -> f64 {
         let counts = &mut self.counts;

@@ -31,6 +31,32 @@ pub enum ConstraintKind {
     Merging { leader: LeaderState, wait_gap_m: f64 },
 }
 
+/// What the right of way of others leaves a vehicle.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct WayLeft {
+    /// Distance from its front bumper to the nearest place where it has to wait as things are, whether it has to brake for it
+    /// yet or not; infinite without one.
+    pub wait_m: f64,
+    /// Vehicles whose following of their plans it was about.
+    pub relies_on: VehicleSet,
+}
+
+/// A set of vehicles, by index. It may hold others than those that were added.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct VehicleSet(u64);
+
+impl VehicleSet {
+    /// Adds the vehicle of an index.
+    pub(crate) fn add(&mut self, vehicle: usize) {
+        self.0 |= 1 << (vehicle % 64);
+    }
+
+    /// Whether the two may have a vehicle in common.
+    pub(crate) fn meets(self, other: Self) -> bool {
+        self.0 & other.0 != 0
+    }
+}
+
 /// The right of way of one vehicle at the present step.
 struct View<'v> {
     right_of_way: &'v RightOfWay,
@@ -40,20 +66,19 @@ struct View<'v> {
 }
 
 impl RightOfWay {
-    /// Collects the yield constraints of a vehicle. Returns the distance from its front bumper to the nearest place where it
-    /// has to wait as things are, whether it has to brake for it yet or not; infinite without one.
-    pub fn yield_constraints(
+    /// Collects the yield constraints of a vehicle.
+    pub(crate) fn yield_constraints(
         &self,
         map: &LabMap,
         vehicle: usize,
         cavs: &[Cav],
         out: &mut Vec<YieldConstraint>,
-    ) -> f64 {
+    ) -> WayLeft {
         let (view, cav) = (View { right_of_way: self, map, cavs, vehicle }, &cavs[vehicle]);
-        let mut wait_m = f64::INFINITY;
+        let mut left = WayLeft { wait_m: f64::INFINITY, relies_on: VehicleSet::default() };
         if let Some(section) = cav.route.sections.get(cav.passage.next_section) {
             let gap_m = section.hold_s - cav.front_s();
-            wait_m = gap_m;
+            left.wait_m = gap_m;
             // A vehicle that can no longer stop was admitted and has no virtual stopped vehicle; nor has one
             // that has yet to request.
             if gap_m < asking_distance(cav) {
@@ -67,30 +92,30 @@ impl RightOfWay {
             let section = &cav.route.sections[admission.section];
             let gives_way = section.rank > RANK_MAJOR;
             for crossing in &cav.route.crossings[section.crossings.clone()] {
-                let nearest_m = view.constraints_in(crossing, admission.order, |kind, other| {
+                view.constraints_in(crossing, admission.order, &mut left, |kind, other| {
                     let section = admission.section;
                     out.push(YieldConstraint { kind, section, gives_way, other: Some(other) });
                 });
-                wait_m = wait_m.min(nearest_m);
             }
         }
-        wait_m
+        left
     }
 }
 
 impl View<'_> {
-    /// Adds the constraints in a zone; returns the distance to the place before it where the vehicle has to wait, if any.
+    /// Adds the constraints in a zone, and notes the place before it where the vehicle has to wait, if any.
     fn constraints_in(
         &self,
         crossing: &ZoneCrossing,
         order: u64,
+        left: &mut WayLeft,
         mut add: impl FnMut(ConstraintKind, usize),
-    ) -> f64 {
+    ) {
         let (vehicle, cavs) = (self.vehicle, self.cavs);
+        let is_planned = cavs[vehicle].coordinated_plan().is_some();
         let front_s = cavs[vehicle].front_s();
         let to_entry_m = crossing.from_s - front_s;
         let to_end_m = crossing.to_s - front_s;
-        let mut wait_m = f64::INFINITY;
         for user in &self.right_of_way.users[crossing.zone.index()] {
             if user.side == crossing.side || user.vehicle == vehicle {
                 continue;
@@ -104,12 +129,18 @@ impl View<'_> {
                 let other = Inside { cav: &cavs[user.vehicle], to_exit_m: user.to_exit_m };
                 if own.to_exit_m > 0.0 && own.has_to_wait(self.map, other, goes_first) {
                     add(ConstraintKind::Stop { gap_m: 0.0 }, user.vehicle);
-                    wait_m = 0.0;
+                    left.wait_m = left.wait_m.min(0.0);
                 }
                 continue;
             }
             if !goes_first {
                 continue;
+            }
+            if is_planned && crossing.kind != ZoneKind::Merge {
+                left.relies_on.add(user.vehicle);
+                if leaves_on_plan(user, &cavs[user.vehicle]) {
+                    continue;
+                }
             }
             let wait_gap_m = to_entry_m - ZONE_MARGIN_M;
             match crossing.kind {
@@ -119,16 +150,15 @@ impl View<'_> {
                     add(ConstraintKind::Merging { leader, wait_gap_m }, user.vehicle);
                 }
                 ZoneKind::Merge => {}
-                _ if leaves_on_plan(&cavs[vehicle], user, &cavs[user.vehicle]) => {}
                 // Inside, it was found to be able to stop clear of who comes.
                 _ if to_entry_m <= -ZONE_MARGIN_M && self.stops_clear(crossing, user) => {
                     add(ConstraintKind::Stop { gap_m: 0.0 }, user.vehicle);
-                    wait_m = 0.0;
+                    left.wait_m = left.wait_m.min(0.0);
                 }
                 // A zone has to be left once entered.
                 _ if to_entry_m > -ZONE_MARGIN_M => {
                     // A leaving vehicle is likely gone before braking has to begin.
-                    wait_m = wait_m.min(wait_gap_m);
+                    left.wait_m = left.wait_m.min(wait_gap_m);
                     let is_leaving = user.to_entry_m < 0.0 && cavs[user.vehicle].speed_mps() > LEAVING_MPS;
                     let braking = if is_leaving { FIRM_BRAKING } else { COMFORTABLE_BRAKING };
                     if wait_gap_m < braking_distance(&cavs[vehicle], braking) {
@@ -138,7 +168,6 @@ impl View<'_> {
                 _ => {}
             }
         }
-        wait_m
     }
 
     /// Whether somebody is in a zone before this vehicle and stands in its way, or moves in a crossing, whatever the numbers:
@@ -203,10 +232,9 @@ const DISTRUSTED_AHEAD_S: f64 = 3.0;
 
 /// Whether another vehicle on its plan will have left a zone even if it brakes with u_min from now on: no reason for a
 /// vehicle on its own plan to brake, which has its gap to it.
-fn leaves_on_plan(own: &Cav, user: &ZoneUser, other: &Cav) -> bool {
-    let are_planned = own.coordinated_plan().is_some() && other.coordination.follows_plan;
+fn leaves_on_plan(user: &ZoneUser, other: &Cav) -> bool {
     let least_mps = (other.speed_mps() - SPEED_ERROR_MPS).max(0.0);
-    are_planned && user.to_exit_m < other.driver.stopping_distance(least_mps)
+    other.coordination.follows_plan && user.to_exit_m < other.driver.stopping_distance(least_mps)
 }
 
 /// Error of estimated speeds that is allowed for, laboratory m/s.
