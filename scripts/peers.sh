@@ -11,6 +11,8 @@
 #   scripts/peers.sh ros2 [SECONDS]        ROS 2 over DDS: rclpy (Fast DDS) as mainframe and as motion capture, the node of
 #                                          clients/ros2, Cyclone DDS; as root, a second network namespace; 60 vehicles for
 #                                          60 s unless told otherwise
+#   scripts/peers.sh zenoh [SECONDS]       ROS 2 over Zenoh (feature zenoh): zenoh-ros2 and eclipse-zenoh with the hashes and
+#                                          messages of rosbags (PyPI); 60 vehicles for 60 s unless told otherwise
 #
 # To check against rosbridge_suite itself, where it is installed: ROSBRIDGE=ws://127.0.0.1:9090 scripts/peers.sh rosbridge.
 # Another program than that of this folder: CITY3D=/usr/bin/city3d scripts/peers.sh rosbridge.
@@ -257,6 +259,35 @@ ros2() {
     if [[ $(id -u) == 0 ]]; then across_namespaces; else echo "SKIPPED: another network namespace needs root"; fi
 }
 
+zenoh() {
+    local seconds=${1:-60} city3d=${CITY3D:-} domain=$((100 + RANDOM % 100)) address
+    local peer=$PWD/target/zenoh-peer/bin
+    make_venv target/zenoh-peer tests/peers/zenoh-requirements.txt
+    if [[ -z "$city3d" ]]; then
+        cargo build --release --locked --features zenoh
+        city3d="${CARGO_TARGET_DIR:-target}/release/city3d"
+    fi
+    say "poses over Zenoh move a physical vehicle, and garbage does not"
+    serve_ros2 measured mixed "--ros2=$domain" --ros2-zenoh --ros2-control --duration 6
+    "$peer/python" tests/peers/zenoh_measure.py "$domain" path1_b -0.9 1.793 0.2 8 path1_a
+    end_ros2 measured garbage 2
+    say "zenoh-ros2 lists what is published, and $seconds s of 60 vehicles are heard"
+    sed 's/^vehicles = .*/vehicles = 60/' scenarios/city.toml >"$folder/crowd.toml"
+    serve_ros2 many "$folder/crowd.toml" "--ros2=$domain" --ros2-zenoh --ros2-tf
+    "$city3d" mainframe "$folder/crowd.toml" --city "$address" >"$folder/mainframe.out" 2>&1 &
+    processes+=($!)
+    local names topic
+    mapfile -t names < <("$city3d" check "$folder/crowd.toml" --json --routes |
+        python3 -c 'import json, sys; print(*(v["name"] for v in json.load(sys.stdin)["routes"]["vehicles"][:60]), sep="\n")')
+    "$peer/zenoh-ros2" --no-daemon --timeout 2 --domain-id "$domain" topic list -t >"$folder/topics"
+    for topic in "/tf [tf2_msgs/msg/TFMessage]" "/vicon/${names[0]}/${names[0]} [geometry_msgs/msg/PoseStamped]"; do
+        grep -F "$topic" "$folder/topics" || die "zenoh-ros2 does not list $topic, but $(cat "$folder/topics")"
+    done
+    "$peer/python" tests/peers/zenoh_listen.py "$domain" "$seconds" "${names[@]}"
+    end_all
+    python3 tests/peers/ros2_report.py "$folder/many" nothing
+}
+
 case "${1:-}" in
     foxglove)
         set_up
@@ -278,5 +309,10 @@ case "${1:-}" in
         shift
         ros2 "$@"
         ;;
-    *) die "usage: scripts/peers.sh rosbridge [SECONDS], ros2 [SECONDS], web [FOLDER] or foxglove [FOLDER]" ;;
+    zenoh)
+        set_up
+        shift
+        zenoh "$@"
+        ;;
+    *) die "usage: scripts/peers.sh rosbridge [SECONDS], ros2 [SECONDS], zenoh [SECONDS], web [FOLDER] or foxglove [FOLDER]" ;;
 esac

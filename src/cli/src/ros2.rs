@@ -9,7 +9,7 @@ use super::serve::ServedEnds;
 #[cfg(feature = "render")]
 use city3d_network::link::exchange::PictureForm;
 use city3d_network::link::exchange::Subject;
-use city3d_ros2::{Ros2Network, Ros2Node, Ros2Options, VehicleTopics};
+use city3d_ros2::{Ros2Middleware, Ros2Network, Ros2Node, Ros2Options, VehicleTopics};
 use city3d_session::remote::PoseFeedback;
 use city3d_session::robots::CaptureEnd;
 use city3d_session::ros::{RosFeedback, RosMotionCapture, RosNode, physical_subjects_of, subjects_of};
@@ -36,6 +36,10 @@ pub struct Ros2Args {
     /// Type of the poses of a vehicle
     #[arg(long, value_name = "TYPE", requires = "ros2", default_value = "pose")]
     ros2_type: VehicleTypeArg,
+    /// Speak ROS 2 by Zenoh, as rmw_zenoh does, instead of DDS
+    #[cfg(feature = "zenoh")]
+    #[arg(long, requires = "ros2")]
+    ros2_zenoh: bool,
 }
 
 /// Messages of geometry_msgs.
@@ -81,7 +85,17 @@ impl Ros2Args {
             VehicleTypeArg::Pose => VehicleTopics::Poses,
             VehicleTypeArg::Transform => VehicleTopics::Transforms,
         };
-        Ok(Some(Ros2Options { network, vehicle_topics, ..options }))
+        Ok(Some(Ros2Options { middleware: self.middleware(), network, vehicle_topics, ..options }))
+    }
+
+    #[cfg(feature = "zenoh")]
+    fn middleware(&self) -> Ros2Middleware {
+        if self.ros2_zenoh { Ros2Middleware::Zenoh } else { Ros2Middleware::Dds }
+    }
+
+    #[cfg(not(feature = "zenoh"))]
+    fn middleware(&self) -> Ros2Middleware {
+        Ros2Middleware::default()
     }
 }
 

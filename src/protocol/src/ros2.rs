@@ -12,11 +12,13 @@ pub struct MessageKind {
     pub package: &'static str,
     /// Name in that package, such as `PoseStamped`.
     pub name: &'static str,
+    /// Hash of its definition (`RIHS01`, REP-2016), in hexadecimal: the same from Humble to Kilted.
+    pub hash: &'static str,
 }
 
 impl MessageKind {
-    const fn new(package: &'static str, name: &'static str) -> Self {
-        Self { package, name }
+    const fn new(package: &'static str, name: &'static str, hash: &'static str) -> Self {
+        Self { package, name, hash }
     }
 
     /// Name of the type in DDS, as all middlewares of ROS 2 make it.
@@ -26,21 +28,53 @@ impl MessageKind {
 }
 
 /// Pose of a vehicle, as ros2-vicon-receiver publishes it.
-pub const POSE_STAMPED: MessageKind = MessageKind::new("geometry_msgs", "PoseStamped");
+pub const POSE_STAMPED: MessageKind = MessageKind::new(
+    "geometry_msgs",
+    "PoseStamped",
+    "10f3786d7d40fd2b54367835614bff85d4ad3b5dab62bf8bca0cc232d73b4cd8",
+);
 /// Pose of a frame in its parent.
-pub const TRANSFORM_STAMPED: MessageKind = MessageKind::new("geometry_msgs", "TransformStamped");
+pub const TRANSFORM_STAMPED: MessageKind = MessageKind::new(
+    "geometry_msgs",
+    "TransformStamped",
+    "0a241f87d04668d94099cbb5ba11691d5ad32c2f29682e4eb5653424bd275206",
+);
 /// Several of them, on `/tf` and `/tf_static`.
-pub const TF_MESSAGE: MessageKind = MessageKind::new("tf2_msgs", "TFMessage");
+pub const TF_MESSAGE: MessageKind = MessageKind::new(
+    "tf2_msgs",
+    "TFMessage",
+    "e369d0f05a23ae52508854b66f6aa0437f3449d652e8cbf22d5abe85d020f087",
+);
 /// Simulated time.
-pub const CLOCK: MessageKind = MessageKind::new("rosgraph_msgs", "Clock");
+pub const CLOCK: MessageKind = MessageKind::new(
+    "rosgraph_msgs",
+    "Clock",
+    "692f7a66e93a3c83e71765d033b60349ba68023a8c689a79e48078bcb5c58564",
+);
 /// A picture as a file.
-pub const COMPRESSED_IMAGE: MessageKind = MessageKind::new("sensor_msgs", "CompressedImage");
+pub const COMPRESSED_IMAGE: MessageKind = MessageKind::new(
+    "sensor_msgs",
+    "CompressedImage",
+    "15640771531571185e2efc8a100baf923961a4d15d5569652e6cb6691e8e371a",
+);
 /// A picture as its pixels.
-pub const IMAGE: MessageKind = MessageKind::new("sensor_msgs", "Image");
+pub const IMAGE: MessageKind = MessageKind::new(
+    "sensor_msgs",
+    "Image",
+    "d31d41a9a4c4bc8eae9be757b0beed306564f7526c88ea6a4588fb9582527d47",
+);
 /// Intrinsics of a camera.
-pub const CAMERA_INFO: MessageKind = MessageKind::new("sensor_msgs", "CameraInfo");
+pub const CAMERA_INFO: MessageKind = MessageKind::new(
+    "sensor_msgs",
+    "CameraInfo",
+    "b3dfd68ff46c9d56c80fd3bd4ed22c7a4ddce8c8348f2f59c299e73118e7e275",
+);
 /// Motions of several bodies.
-pub const MULTI_DOF_TRAJECTORY: MessageKind = MessageKind::new("trajectory_msgs", "MultiDOFJointTrajectory");
+pub const MULTI_DOF_TRAJECTORY: MessageKind = MessageKind::new(
+    "trajectory_msgs",
+    "MultiDOFJointTrajectory",
+    "3a18fd095292a65cfde8833c72985a30af981f3ec44494655c6267262b443a4a",
+);
 
 const NANOSECONDS: u64 = 1_000_000_000;
 

@@ -4,7 +4,7 @@
 use crate::Ros2Error;
 use crate::dds::Dds;
 use crate::middleware::{Middleware, Received, TopicSubscriber};
-use crate::options::{Ros2Options, VehicleTopics};
+use crate::options::{Ros2Middleware, Ros2Options, VehicleTopics};
 use crate::publisher::{PoseFrame, Published, PublishedTopics, vehicle_topic};
 use crate::trajectory::{ReceivedTrajectories, TRAJECTORY_TOPIC};
 use city3d_network::link::exchange::{
@@ -101,12 +101,16 @@ pub struct Ros2Node {
 }
 
 impl Ros2Node {
-    /// Starts a node over DDS.
+    /// Starts a node.
     ///
     /// # Errors
     /// When it cannot be started, or not be kept to this machine.
     pub fn start(options: &Ros2Options) -> Result<Self, Ros2Error> {
-        let middleware = Box::new(Dds::join(options)?);
+        let middleware: Box<dyn Middleware> = match options.middleware {
+            Ros2Middleware::Dds => Box::new(Dds::join(options)?),
+            #[cfg(feature = "zenoh")]
+            Ros2Middleware::Zenoh => Box::new(crate::zenoh::Zenoh::join(options)?),
+        };
         Self::on(middleware, options)
     }
 

@@ -19,6 +19,17 @@ pub enum Ros2Network {
     All,
 }
 
+/// What carries the messages.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Ros2Middleware {
+    /// DDS, as `rmw_fastrtps` and `rmw_cyclonedds` speak it.
+    #[default]
+    Dds,
+    /// Zenoh, as `rmw_zenoh` speaks it.
+    #[cfg(feature = "zenoh")]
+    Zenoh,
+}
+
 /// Type of the topics of single vehicles.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum VehicleTopics {
@@ -34,6 +45,8 @@ pub enum VehicleTopics {
 pub struct Ros2Options {
     /// Domain: nodes of others do not hear it.
     pub domain: u16,
+    /// What carries its messages.
+    pub middleware: Ros2Middleware,
     /// From where it can be reached.
     pub network: Ros2Network,
     /// Name of the node, without a slash.
@@ -65,6 +78,7 @@ impl Ros2Options {
         }
         Ok(Self {
             domain,
+            middleware: Ros2Middleware::default(),
             network: Ros2Network::Loopback,
             name: name.to_owned(),
             vehicle_topics: VehicleTopics::Poses,
