@@ -243,7 +243,7 @@ impl RunMeasures {
         };
         of_run("simulated", Seconds, 1, &|run| Some(run.simulated_s));
         of_run("collisions", Count, 0, &|run| Some(run.collisions as f64));
-        of_run("stops", Count, 0, &|run| run.traffic.stops.map(|count| count as f64));
+        of_run("slow stops", Count, 0, &|run| run.traffic.stops.map(|count| count as f64));
         of_run("mean speed", MetresPerSecond, 1, &|run| Some(run.mean_speed_mps));
         of_run("arrived", Count, 0, &|run| run.traffic.arrived.map(|count| count as f64));
         of_run("mean delay", Seconds, 1, &|run| run.traffic.mean_delay_s);
@@ -277,7 +277,7 @@ impl VehicleMeasures {
         [
             pair("mean speed", MetresPerSecond, 1, |of| Some(of.mean_speed_mps)),
             pair("distance", Metres, 1, |of| Some(of.distance_m)),
-            pair("stops", Count, 0, |of| of.traffic.slow_stops.map(|count| count as f64)),
+            pair("slow stops", Count, 0, |of| of.traffic.slow_stops.map(|count| count as f64)),
             pair("longest stand", Seconds, 1, |of| Some(of.longest_stand_s)),
             pair("collisions", Count, 0, |of| Some(of.collisions as f64)),
         ]
@@ -358,7 +358,8 @@ mod tests {
         let read = RunMeasures::of(&written);
         let pairs = read.beside(&read);
         let stops = |of_run: bool| -> f64 {
-            let is_it = |pair: &&MeasurePair| pair.quantity == "stops" && pair.vehicle.is_none() == of_run;
+            let is_it =
+                |pair: &&MeasurePair| pair.quantity == "slow stops" && pair.vehicle.is_none() == of_run;
             pairs.iter().filter(is_it).filter_map(|pair| pair.values[0]).sum()
         };
         assert_eq!((read.stops(), stops(true), stops(false)), (slow.into(), slow.into(), slow.into()));

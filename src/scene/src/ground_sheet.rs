@@ -211,6 +211,12 @@ impl GroundSheet {
         mesh
     }
 
+    /// The box of whole cells that it fills for a box.
+    pub(super) fn closed_box([low, high]: [DVec2; 2]) -> [DVec2; 2] {
+        let cell = |at: DVec2| (at / f64::from(CELL_M)).floor() * f64::from(CELL_M);
+        [cell(low), cell(high) + f64::from(CELL_M)]
+    }
+
     /// Nodes along its edge, counter-clockwise: the land goes on from them.
     pub(super) fn rim(&self) -> Vec<DVec2> {
         let (columns, rows) = (&self.columns, &self.rows);

@@ -25,6 +25,7 @@ mod plants;
 mod polygon;
 mod props;
 mod roads;
+mod roads_out;
 mod signals;
 mod signs;
 mod smoothing;
@@ -36,6 +37,7 @@ mod wear;
 pub use ground_sheet::ASPHALT;
 pub use lettering::glyph_cell;
 pub use mesh::{Class, Finish, Mesh, Surface, Vertex, clustered, reach};
+pub use roads_out::RoadsOut;
 pub use signals::{LENS_RADIUS_M, SignalLenses};
 pub use signs::sign_cell;
 

@@ -105,6 +105,12 @@ fn on_segment(segment: &Segment, point: DVec2) -> (f64, f64) {
     (turned * radius, sign * (radius - from.length()))
 }
 
+/// The box of the closed ground of a map, from which the land goes on.
+pub(super) fn closed_ground(map: &CityMap) -> [DVec2; 2] {
+    let [low, high] = map.bounds();
+    GroundSheet::closed_box([low - MARGIN_M, high + MARGIN_M])
+}
+
 impl RoadField {
     pub(super) fn new(map: &CityMap) -> Self {
         let [low, high] = map.bounds();

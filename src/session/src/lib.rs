@@ -65,7 +65,7 @@ pub use moment::{Inputs, Moment, MomentKind, SenderLabels, StepTiming};
 pub use order::{Order, OrderSender, Orders, RunGoal, orders};
 pub use overwrite::Overwrite;
 pub use plans::coordination;
-pub use road_watch::{RoadWatch, is_beside_road};
+pub use road_watch::{OFF_ROAD_M, RoadWatch, is_beside_road};
 pub use run_files::{FileOptions, FilesWritten, RunFiles, RunFolders, WallTime};
 pub use session::{
     OnReport, OnUpdate, PublishedState, Session, SessionEnd, SessionHandle, SessionReport, SessionStopper,

@@ -11,7 +11,7 @@ use std::sync::Arc;
 
 /// A vehicle has left the road where its middle is farther than this from the edge of every lane, city metres: no part of a
 /// car is on a lane then.
-const OFF_ROAD_M: f64 = 1.5;
+pub const OFF_ROAD_M: f64 = 1.5;
 /// It is back where its middle is nearer than this.
 const ON_ROAD_M: f64 = 0.3;
 /// A vehicle is looked at again once it has gone this far, city metres.
@@ -22,6 +22,9 @@ const STRIDE_M: f64 = 0.1;
 pub struct RoadWatch {
     experiment: Arc<Experiment>,
     lanes: LaneIndex,
+    /// Without pictures nobody sees roads beyond the map.
+    #[cfg(feature = "render")]
+    roads_out: city3d_scene::RoadsOut,
     seen: BTreeMap<VehicleId, Place>,
 }
 
@@ -38,7 +41,13 @@ impl RoadWatch {
     /// Watches the vehicles of an experiment, which has the map.
     pub fn new(experiment: &Arc<Experiment>) -> Self {
         let lanes = LaneIndex::new(&experiment.city_map);
-        Self { experiment: Arc::clone(experiment), lanes, seen: BTreeMap::new() }
+        Self {
+            lanes,
+            #[cfg(feature = "render")]
+            roads_out: city3d_scene::RoadsOut::of(&experiment.city_map),
+            experiment: Arc::clone(experiment),
+            seen: BTreeMap::new(),
+        }
     }
 
     /// Who has left the road by the next snapshot of a run. Who was beside it when it was seen first has not left it.
@@ -54,7 +63,7 @@ impl RoadWatch {
             let is_off = before.is_some_and(|before| before.is_off);
             let within_m = if is_off { ON_ROAD_M } else { OFF_ROAD_M };
             let lane = self.lane_at(middle, before.and_then(|before| before.lane), within_m);
-            let is_off = lane.is_none();
+            let is_off = lane.is_none() && !self.is_on_road_out(middle, within_m);
             if is_off && before.is_some_and(|before| !before.is_off) {
                 let what = Occurrence::LeftRoad;
                 found.push(TimelineMark { time_s: snapshot.time_s, vehicle: id, what });
@@ -62,6 +71,18 @@ impl RoadWatch {
             self.seen.insert(id, Place { middle, is_off, lane });
         }
         found
+    }
+
+    /// Whether a place is on a road that leads out of the town, which no lane is of.
+    #[cfg(feature = "render")]
+    fn is_on_road_out(&self, point: DVec2, within_m: f64) -> bool {
+        self.roads_out.is_near(point, within_m)
+    }
+
+    #[cfg(not(feature = "render"))]
+    #[allow(clippy::unused_self, reason = "without pictures there is no road beyond the map")]
+    fn is_on_road_out(&self, _: DVec2, _: f64) -> bool {
+        false
     }
 
     /// A lane whose edge is within a distance of a point, the one of before if it still is.
@@ -75,7 +96,8 @@ impl RoadWatch {
     }
 }
 
-/// Whether a point is so far beside every lane that a vehicle there has left the road.
+/// Whether a point is so far beside every lane that a vehicle there has left the road, unless it is on one that leads out of the
+/// town.
 pub fn is_beside_road(map: &CityMap, point: DVec2) -> bool {
     // A lane reaches no farther than it is long.
     let may_reach = |lane: &&Lane<City>| {
@@ -140,6 +162,32 @@ mod tests {
         assert_eq!(told(0.0, Driving), []);
         assert_eq!(told(edge_m + 2.0, Unseen), [], "nobody knows where it is");
         assert_eq!(told(edge_m + 2.0, Driving), left, "whoever drives");
+    }
+
+    #[cfg(feature = "render")]
+    #[test]
+    fn a_road_that_leads_out_of_the_town_is_no_place_beside_the_road() {
+        let experiment = experiment();
+        let map = &experiment.city_map;
+        let out = city3d_scene::RoadsOut::of(map);
+        let [low, high] = map.bounds();
+        let (middle, reach_m) = ((low + high) / 2.0, (high - low).length());
+        let around = (0..20_000).map(|k| middle + DVec2::from_angle(f64::from(k) * 3.2e-4) * reach_m);
+        let on_road = around.clone().find(|at| out.is_near(*at, 0.0)).unwrap();
+        let on_field = around.clone().find(|at| !out.is_near(*at, 20.0)).unwrap();
+        let start = map.lanes[0].curve.start().position;
+        for (places, told) in [([start, on_road, on_road + 0.5], 0), ([start, on_field, on_road], 1)] {
+            let mut watch = RoadWatch::new(&experiment);
+            let marks = places.into_iter().flat_map(|at| {
+                let vehicle = VehicleState {
+                    position: at.extend(0.0),
+                    status: Status::Manual,
+                    ..VehicleState::default()
+                };
+                watch.observe(&FrameSnapshot { vehicles: vec![vehicle], ..FrameSnapshot::default() })
+            });
+            assert_eq!(marks.count(), told);
+        }
     }
 
     #[test]

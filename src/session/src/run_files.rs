@@ -111,6 +111,8 @@ pub struct FilesWritten {
     pub folders: Vec<PathBuf>,
     /// The present folder.
     pub folder: Option<PathBuf>,
+    /// The folder of the run that begins next; it may not be there yet.
+    pub next_folder: Option<PathBuf>,
     /// Summary of the run that ended last.
     pub summary: Option<Summary>,
     /// Summary of the present run as it was at the scenario's duration, once it has come there.
@@ -156,6 +158,7 @@ type LockedFolder = Arc<Mutex<Option<Arc<OutputFolder>>>>;
 impl RunFiles {
     /// The files of the runs of a session; nothing is written before the first one begins.
     pub fn new(folders: RunFolders, origin: LogOrigin, options: FileOptions) -> Self {
+        let written = FilesWritten { next_folder: folders.of(1), ..FilesWritten::default() };
         Self {
             folders,
             origin,
@@ -167,7 +170,7 @@ impl RunFiles {
             run: 0,
             open: None,
             closing: Vec::new(),
-            written: Arc::default(),
+            written: Arc::new(Mutex::new(written)),
             health: EndHealth::default(),
         }
     }
@@ -334,6 +337,7 @@ impl RunFiles {
         let mut written = self.written.lock().unwrap_or_else(PoisonError::into_inner);
         written.folders.extend(folder.clone());
         (written.folder, written.outcome) = (folder, None);
+        written.next_folder = self.folders.of(self.run + 1);
         drop(written);
         self.open = Some(OpenRun {
             folder: locked,

@@ -93,6 +93,8 @@ pub struct RunState {
     pub run: u32,
     /// Folder of the recording, once the run has begun.
     pub folder: Option<PathBuf>,
+    /// Folder of the run that begins next, where it is recorded; it may not be there yet.
+    pub next_folder: Option<PathBuf>,
     /// What the run has come to at the scenario's duration; `None` before, and where the session has no files.
     pub outcome: Option<Arc<Summary>>,
     /// The link of a city that is served or elsewhere.
@@ -132,6 +134,7 @@ impl RunState {
             real_time_factor: 0.0,
             run: 1,
             folder: None,
+            next_folder: None,
             outcome: None,
             link: None,
             ends: Arc::default(),

@@ -38,7 +38,7 @@ const BEND_RAD: f64 = 1.5;
 
 /// A road out of the town.
 #[derive(Clone, Debug)]
-pub(super) struct CountryRoad {
+pub(in super::super) struct CountryRoad {
     /// Half the width of its asphalt, metres.
     pub(super) half_m: f64,
     /// Its line on the closed ground, from the kerb of the street or the end of the road outwards.
@@ -119,6 +119,12 @@ impl CountryRoad {
     pub(super) fn distance_m(&self, at: DVec2, margin_m: f64) -> f64 {
         let least = self.whole.distance_m(at, margin_m);
         if least > margin_m { f64::INFINITY } else { least }
+    }
+
+    /// Whether a place is on its asphalt, or no farther beside it than this.
+    pub(in super::super) fn is_near(&self, at: DVec2, beside_m: f64) -> bool {
+        let margin_m = self.half_m + beside_m;
+        self.distance_m(at, margin_m) <= margin_m
     }
 
     /// How far outside of its verges a place lies: negative on the road and its verges.

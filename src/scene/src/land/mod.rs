@@ -15,11 +15,11 @@ mod woods;
 use super::SceneObject;
 use super::lanes::LaneBoxIndex;
 use super::mesh::Mesh;
-use super::roads::RoadField;
+use super::roads::{RoadField, closed_ground};
 use super::surroundings::Surroundings;
 use super::trees::TreePrototypes;
 use city3d_roadmap::CityMap;
-use country_roads::CountryRoad;
+pub(super) use country_roads::CountryRoad;
 use farms::Farm;
 use fields::Fields;
 use gardens::Garden;
@@ -37,6 +37,12 @@ pub(super) struct Land {
     gardens: Vec<Garden>,
     /// Nodes along the edge of the closed ground, counter-clockwise.
     rim: Vec<DVec2>,
+}
+
+/// The roads that lead out of the town of a map, as the land around it has them.
+pub(super) fn roads_out(map: &CityMap) -> Vec<CountryRoad> {
+    let relief = Relief { town: closed_ground(map), yards: Vec::new() };
+    country_roads::roads(map, &RoadField::new(map), &relief)
 }
 
 impl Land {

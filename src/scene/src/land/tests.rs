@@ -25,6 +25,16 @@ fn objects_of(map: &CityMap, land: &Land) -> Vec<SceneObject> {
     land.objects(&TreePrototypes::new(), &LaneBoxIndex::new(map), &around)
 }
 
+#[test]
+fn the_roads_out_of_a_map_are_those_that_are_drawn() {
+    for map in [city(), grid("4x4")] {
+        let drawn: Vec<_> = land_of(&map).roads.iter().map(|road| road.line.clone()).collect();
+        let found: Vec<_> = roads_out(&map).iter().map(|road| road.line.clone()).collect();
+        assert!(!drawn.is_empty());
+        assert_eq!(found, drawn);
+    }
+}
+
 /// Vehicles drive on a plane wherever they leave the road.
 #[test]
 fn the_land_is_level_near_the_town_and_rises_beyond() {

@@ -96,7 +96,7 @@ impl Occurrence {
         let event = match self {
             Self::TakeOver => return "take-over".to_owned(),
             Self::GiveBack => return "given back".to_owned(),
-            Self::LongStop => return format!("stopped for {LONG_STOP_S:.0} s"),
+            Self::LongStop => return format!("stood for {LONG_STOP_S:.0} s"),
             Self::LeftRoad => return "left the road".to_owned(),
             Self::YieldTo(other) => return format!("yield to {other}"),
             Self::Event(event) => event,
@@ -104,7 +104,7 @@ impl Occurrence {
         match event {
             EventKind::Spawn => "spawn".to_owned(),
             EventKind::Moved { behind, by_m } => format!("moved {by_m:.1} m behind {behind}"),
-            EventKind::Stop => "stop".to_owned(),
+            EventKind::Stop => "standstill".to_owned(),
             EventKind::Go { stood_s } => format!("go after {stood_s:.1} s"),
             EventKind::Yield => "yield".to_owned(),
             EventKind::Merge => "merge".to_owned(),

@@ -86,9 +86,12 @@ impl<S: Source> Session<S> {
     fn open_view(&mut self, files: Option<Arc<Mutex<FilesWritten>>>) -> (Arc<LatestState>, UpdateSignal) {
         let first = Arc::new(self.source.snapshot().clone());
         let link = self.source.link_status().map(Arc::new);
+        let written = files.as_ref().map(|files| files.lock().unwrap_or_else(PoisonError::into_inner));
+        let next_folder = written.and_then(|written| written.next_folder.clone());
         let state = RunState {
             speed: self.speed,
             link: link.clone(),
+            next_folder,
             ..RunState::standing(Arc::clone(&first), self.source.phase())
         };
         let latest_state = Arc::new(LatestState::new(state));

@@ -37,12 +37,12 @@ impl<S: Source> Session<S> {
             (true, Some(mainframe)) => coordination(mainframe, self.source.experiment(), snapshot.time_s),
             (true, None) => self.source.heard().and_then(|held| held.plans.at(snapshot.time_s)),
         };
-        let (folder, outcome) = match &view.files {
+        let (folder, next_folder, outcome) = match &view.files {
             Some(files) => {
                 let files = files.lock().unwrap_or_else(PoisonError::into_inner);
-                (files.folder.clone(), files.outcome.clone())
+                (files.folder.clone(), files.next_folder.clone(), files.outcome.clone())
             }
-            None => (None, None),
+            None => (None, None, None),
         };
         // A copy of the measures at every tick would cost more than the measures.
         let is_due = now.saturating_duration_since(view.measured_at) >= MEASURE_INTERVAL;
@@ -62,6 +62,7 @@ impl<S: Source> Session<S> {
             real_time_factor: if is_running { self.rate.factor() } else { 0.0 },
             run: self.run,
             folder,
+            next_folder,
             outcome,
             link: view.link.clone(),
             ends: Arc::clone(&view.ends),

@@ -40,7 +40,7 @@ pub fn show(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>, actions: &m
                 None => scenario(ui, state, shown, actions),
             });
         }
-        group(ui, "cameras", |ui| cameras(ui, state));
+        group(ui, "cameras", |ui| cameras(ui, state, shown));
         group(ui, "look", |ui| {
             look(ui, state, actions);
             loading(ui, shown);
@@ -353,12 +353,13 @@ fn scenario(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>, actions: &m
     cell(ui, SCENARIO, |ui| _ = picker.show_ui(ui, choices).response.on_hover_text(tip));
 }
 
-fn cameras(ui: &mut Ui, state: &mut UiState) {
+fn cameras(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>) {
+    let now_s = ui.input(|input| input.time);
     for (mode, command) in CameraMode::ALL.into_iter().zip(commands::CAMERA_MODES) {
         let tip = command.tip(ui.ctx(), camera_tip(mode));
         let is_on = state.viewpoint.mode == mode;
         if ui.selectable_label(is_on, mode.label()).on_hover_text(tip).clicked() {
-            state.set_mode(mode);
+            state.look_by(mode, (shown.interpolated, now_s));
         }
     }
 }
@@ -423,8 +424,10 @@ fn camera_tip(mode: CameraMode) -> &'static str {
         CameraMode::Orbit => {
             "Around a point or the followed vehicle: drag to turn, right-drag to move, scroll to zoom"
         }
-        CameraMode::Chase => "Behind the selected vehicle",
-        CameraMode::Onboard => "From behind the windscreen of the selected vehicle",
+        CameraMode::Chase => "Behind the selected vehicle; without one, the nearest",
+        CameraMode::Onboard => {
+            "From behind the windscreen of the selected vehicle; without one, of the nearest"
+        }
         CameraMode::Overhead => "Straight down",
         CameraMode::Free => "Fly with W A S D, Q and E; drag to look around",
     }

@@ -1,6 +1,7 @@
 //! The panel Charts: quantities of several vehicles over time, and the figures of `city3d plot`, while a run goes on.
 
 use super::events::named;
+use super::preview::{marks, round_step};
 use super::theme::{self, DecimalSeparator};
 use super::{UiAction, UiState, ViewModel};
 use city3d_geometry::trig;
@@ -10,7 +11,9 @@ use city3d_protocol::snapshot::VehicleId;
 use city3d_session::playback::PlaybackCommand;
 use city3d_simulation::scenario::counted;
 use egui::{Color32, ComboBox, RichText, Ui};
-use egui_plot::{GridMark, HLine, HoverPosition, Line, LineStyle, Plot, PlotPoint, PlotPoints, Text, VLine};
+use egui_plot::{
+    AxisHints, GridMark, HLine, HoverPosition, Line, LineStyle, Plot, PlotPoint, PlotPoints, Text, VLine,
+};
 
 /// What a chart shows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -362,16 +365,20 @@ fn plot(
     };
     ui.label(RichText::new(label).small());
     let buckets = (ui.available_width() / 2.0).max(50.0) as usize;
+    let width = ui.available_width();
     let decimal = theme::decimal(ui.ctx());
     let number = move |mark: GridMark, _: &std::ops::RangeInclusive<f64>| tick(mark, decimal);
+    let axis = |hints: AxisHints<'static>| theme::small_axis(ui, hints);
     let plot = Plot::new(("chart", index))
         .height(height)
-        .x_axis_formatter(number)
-        .y_axis_formatter(number)
+        .custom_x_axes(vec![axis(AxisHints::new_x()).label(panel.x_label.as_str()).formatter(number)])
+        .custom_y_axes(vec![axis(AxisHints::new_y()).formatter(number)])
+        // By themselves small axes have a single number.
+        .x_grid_spacer(move |grid| grid_marks(grid.bounds, width / LEAST_BETWEEN[0]))
+        .y_grid_spacer(move |grid| grid_marks(grid.bounds, height / LEAST_BETWEEN[1]))
         .label_formatter(hover_words([&panel.x_label, &panel.y_label], decimal))
         .default_x_bounds(panel.x.0, panel.x.1)
         .default_y_bounds(panel.y.0, panel.y.1)
-        .x_axis_label(panel.x_label.clone())
         .allow_scroll(false)
         .allow_drag(false)
         .allow_zoom(false)
@@ -422,6 +429,14 @@ fn plot(
         return shown.inner.map(|point| point.x);
     }
     None
+}
+
+/// Room of an axis for each of its numbers, across and down, points.
+const LEAST_BETWEEN: [f32; 2] = [90.0, 40.0];
+
+/// Grid lines at round numbers, so many steps apart that each has room for its number; never fewer than two.
+fn grid_marks((from, to): (f64, f64), parts: f32) -> Vec<GridMark> {
+    marks((from, to), round_step(to - from, f64::from(parts).clamp(3.0, 10.0)))
 }
 
 /// A dash pattern as text.
@@ -515,6 +530,16 @@ mod tests {
         assert!(drawn.is_sorted_by_key(|[x, _]| *x));
         assert!(drawn.contains(&[f64::from(peak) * 0.1, 50.0]));
         assert_eq!(decimated(&points[..50], (0.0, 5.0), 200).len(), 50, "a short one is drawn as it is");
+    }
+
+    #[test]
+    fn an_axis_has_at_least_two_numbers_however_small_it_is() {
+        for bounds in [(0.0, 52.0), (-5.0, 45.0), (0.0, 0.58), (-0.02, 0.021), (0.0, 3000.0), (17.0, 47.0)] {
+            for parts in [0.5, 2.0, 6.0] {
+                let count = grid_marks(bounds, parts).len();
+                assert!((2..=11).contains(&count), "{bounds:?}, {parts}: {count}");
+            }
+        }
     }
 
     #[test]

@@ -8,12 +8,12 @@ use super::layers::{self, Canvas};
 use super::vehicle_menu::{MenuSubject, VehicleMenu};
 use super::{
     PictureRequest, PictureSlot, UiAction, UiState, ViewModel, Viewpoint, editing, legend, map, overlay,
-    rulers, theme,
+    rain, rulers, status, theme,
 };
 use city3d_protocol::snapshot::{Status, VehicleId};
 use city3d_roadmap::CityMap;
-use city3d_sensors::{BoundingBox, PictureKind};
-use city3d_session::{RunPhase, is_beside_road};
+use city3d_sensors::{BoundingBox, PictureKind, Weather};
+use city3d_session::{OFF_ROAD_M, RunPhase, is_beside_road};
 use egui::emath::GuiRounding as _;
 use egui::{Align2, Color32, FontId, PointerButton, Pos2, Rect, Response, RichText, Sense, Ui};
 use glam::DVec3;
@@ -49,6 +49,9 @@ pub fn show(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>, actions: &m
     let view = state.viewpoint.view(shown.interpolated, extent);
     state.pictures.push(PictureRequest { slot: PictureSlot::City, view, kind: PictureKind::Rgb });
     super::paint_picture(ui, rect, shown, PictureSlot::City);
+    if state.look.weather == Weather::Rain {
+        rain::paint(&ui.painter_at(rect), rect, state.viewpoint.mode, shown.interpolated.time_s);
+    }
     let canvas = Canvas::new(ui, &view, rect).of(&state.viewpoint);
     let pointed = response.hover_pos();
     state.measure.point_at(pointed.and_then(|at| canvas.ground_at(at)));
@@ -188,31 +191,49 @@ fn dashboard(ui: &Ui, rect: Rect, state: &UiState, shown: &ViewModel<'_>) -> Opt
     };
     let (units, scale) = (state.preferences.units, shown.scale());
     let speed = units.dashboard(vehicle.speed_mps.abs(), scale, state.preferences.decimal);
+    let speed = status::speed_words(vehicle.status, speed);
+    let trouble = trouble(state, shown, vehicle.status, pedals.reverse);
+    let place = vehicle.position.truncate();
+    let left = || map::way_back(shown.map, place);
+    let is_off = || is_beside_road(shown.map, place) && !shown.roads_out.is_near(place, OFF_ROAD_M);
+    let beside = || is_off().then(|| OFF_ROAD.to_owned());
+    let trouble = trouble.or_else(left).or_else(beside);
+    let lines = driving_keys(&state.keys, driving.is_by_device());
     let area = egui::Area::new(ui.scope_id().with("dashboard"))
-        .fixed_pos(rect.center_bottom() + egui::vec2(0.0, -10.0))
+        // Above the rulers, and low: the rear of the vehicle is just above it.
+        .fixed_pos(rect.center_bottom() - egui::vec2(0.0, rulers::HEIGHT))
         .pivot(Align2::CENTER_BOTTOM)
         .show(ui.ctx(), |ui| {
             egui::Frame::popup(ui.style()).show(ui, |ui| {
-                ui.vertical_centered(|ui| {
-                    ui.set_width(350.0_f32.min(rect.width() - 24.0).max(80.0));
-                    ui.label(RichText::new(speed).size(30.0).strong());
-                    ui.label(format!("{gear}   {arrows}"));
-                    let trouble = trouble(state, shown, vehicle.status, pedals.reverse);
-                    let place = vehicle.position.truncate();
-                    let left = || map::way_back(shown.map, place);
-                    let beside = || is_beside_road(shown.map, place).then(|| OFF_ROAD.to_owned());
-                    if let Some(trouble) = trouble.or_else(left).or_else(beside) {
-                        ui.label(RichText::new(trouble).strong().color(ui.visuals().warn_fg_color));
+                ui.spacing_mut().item_spacing.y = 1.0;
+                ui.set_max_width((rect.width() - 24.0).max(SPEED_WIDTH));
+                if let Some(trouble) = trouble {
+                    ui.label(RichText::new(trouble).strong().color(ui.visuals().warn_fg_color));
+                }
+                ui.horizontal(|ui| {
+                    ui.vertical_centered(|ui| {
+                        ui.set_width(SPEED_WIDTH);
+                        ui.label(RichText::new(speed).size(22.0).strong());
+                        ui.label(format!("{gear}   {arrows}"));
+                    });
+                    // In a small view the help has them.
+                    if rect.width() > KEYS_FROM_WIDTH && rect.height() > KEYS_FROM_HEIGHT {
+                        ui.vertical(|ui| {
+                            lines.iter().for_each(|line| _ = ui.small(line));
+                            ui.small(solid_things(shown.map));
+                        });
                     }
-                    for line in driving_keys(&state.keys, driving.is_by_device()) {
-                        ui.small(line);
-                    }
-                    ui.small(solid_things(shown.map));
                 });
             });
         });
     Some(area.response.rect)
 }
+
+/// Width of the speed and the gear on the dashboard, points.
+const SPEED_WIDTH: f32 = 112.0;
+/// In a smaller view the dashboard does without the keys, points.
+const KEYS_FROM_WIDTH: f32 = 460.0;
+const KEYS_FROM_HEIGHT: f32 = 300.0;
 
 /// What a driver is told beside the road.
 const OFF_ROAD: &str = "Off the road: drive back onto a lane";

@@ -1,7 +1,7 @@
 //! Events of a run, recorded or live: filter, list, and the line below a live city.
 
 use super::commands::{GRAVE_EVENT, KeyMap};
-use super::timeline::{self, TimelineView};
+use super::timeline::{self, JUST_PASSED_S, TimelineView};
 use super::{DecimalSeparator, UiAction, UiState, VehicleNames, ViewModel, commands, theme};
 use city3d_protocol::snapshot::{Status, VehicleId, VehicleInfo};
 use city3d_session::playback::{MarkKind, PlaybackCommand, TimelineMark};
@@ -43,7 +43,10 @@ impl EventFilter {
         });
         let words: Vec<String> = self.filter.split_whitespace().map(str::to_lowercase).collect();
         let matches = |mark: &TimelineMark| {
-            let (label, vehicle) = (mark.what.label().to_lowercase(), mark.vehicle.to_string());
+            let (mut label, vehicle) = (mark.what.label().to_lowercase(), mark.vehicle.to_string());
+            if matches!(mark.what.kind(), MarkKind::Stop | MarkKind::LongStop) {
+                label.push_str(" stop");
+            }
             words.iter().all(|word| label.contains(word) || vehicle == *word)
         };
         for (place, mark) in marks.iter().enumerate().skip(known) {
@@ -71,7 +74,10 @@ impl EventFilter {
     }
 
     /// The events that are reported at once, of whatever filter, in order of time.
-    fn grave<'a>(&'a self, marks: &'a [TimelineMark]) -> impl DoubleEndedIterator<Item = &'a TimelineMark> {
+    pub(super) fn grave<'a>(
+        &'a self,
+        marks: &'a [TimelineMark],
+    ) -> impl DoubleEndedIterator<Item = &'a TimelineMark> {
         self.grave.iter().filter_map(|place| marks.get(*place))
     }
 
@@ -129,7 +135,7 @@ pub(super) fn list_button(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_
 /// Kinds that are reported at once, with their words for one and for several.
 const GRAVE: [(MarkKind, &str, &str); 4] = [
     (MarkKind::Collision, "collision", "collisions"),
-    (MarkKind::LongStop, "long stop", "long stops"),
+    (MarkKind::LongStop, "long standstill", "long standstills"),
     (MarkKind::LeftRoad, "left the road", "left the road"),
     (MarkKind::Link, "lost link", "lost links"),
 ];
@@ -137,34 +143,64 @@ const GRAVE: [(MarkKind, &str, &str); 4] = [
 /// Least room for the last event in words, points.
 const LEAST_WORDS: f32 = 60.0;
 
-/// What has happened in a run so far: counts of what is grave and the last event, each with a jump to its place and time.
-/// What finds no room in the row is left to the list, for another row would move the city while one drives.
-pub(super) fn live(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>, actions: &mut Vec<UiAction>) {
+/// Counts of what is grave in a run, each with a way to one after the other. What finds no room in the row is left to the list,
+/// for another row would move the city while one drives; returns whether all had room.
+pub(super) fn grave_counts(
+    ui: &mut Ui,
+    state: &mut UiState,
+    (shown, view): (&ViewModel<'_>, &TimelineView<'_>),
+    actions: &mut Vec<UiAction>,
+) -> bool {
     for (kind, one, several) in GRAVE {
-        let mut marks = state.events.grave(shown.events).filter(|mark| mark.what.kind() == kind);
-        let Some(last) = marks.next_back().cloned() else { continue };
-        let count = marks.count() + 1;
+        let of_kind = || state.events.grave(view.marks).filter(|mark| mark.what.kind() == kind);
+        let count = of_kind().count();
+        let Some((place, next)) = next_shown(view, of_kind()) else { continue };
+        let next = next.clone();
         let text = format!("{count} {}", if count == 1 { one } else { several });
         let text = RichText::new(text).color(colour(ui.ctx(), kind)).strong();
         if width_of(ui, &text) > ui.available_size_before_wrap().x {
-            return;
+            return false;
         }
         let refusal = timeline::refusal(state);
         let button = ui.add_enabled(refusal.is_none(), Button::new(text));
-        let tip =
-            format!("Show the last one: {}", event_words(shown.names, &last, state.preferences.decimal));
-        let tip = if state.events.last_grave(shown.events) == Some(&last) {
-            commands::GRAVE_EVENT.tip(ui.ctx(), &tip)
-        } else {
-            tip
-        };
+        let which = if count == 1 { String::new() } else { format!(" {} of {count}", place + 1) };
+        let words = event_words(shown.names, &next, state.preferences.decimal);
+        let tip = format!("Show{which}: {words}");
+        let more = if count == 1 { "" } else { ". Another click shows the one before" };
+        let tip = format!("{tip}{more}");
+        let is_by_key = next_shown(view, state.events.grave(view.marks)).is_some_and(|(_, of)| *of == next);
+        let tip = if is_by_key { commands::GRAVE_EVENT.tip(ui.ctx(), &tip) } else { tip };
         let button = button.on_hover_text(tip).on_disabled_hover_text(refusal.unwrap_or_default());
         if button.clicked() {
-            go_to(&last, state, actions);
+            go_to(&next, state, actions);
         }
     }
-    // Who looks at the past sees what had happened until then.
+    true
+}
+
+/// Of some events, in order of time, the one to show next, with its place: the last one before the time that is shown; where
+/// there is none, the last of all.
+pub(super) fn next_shown<'m>(
+    view: &TimelineView<'_>,
+    marks: impl Iterator<Item = &'m TimelineMark>,
+) -> Option<(usize, &'m TimelineMark)> {
+    let marks: Vec<_> = marks.enumerate().collect();
+    let before_s = match (view.is_played(), view.head.is_playing) {
+        (false, _) => f64::INFINITY,
+        (true, true) => view.head.at_s - JUST_PASSED_S,
+        // A snapshot shows the events since the previous one.
+        (true, false) => view.head.before_s + 1e-6,
+    };
+    marks.iter().rfind(|(_, mark)| mark.time_s <= before_s).or(marks.last()).copied()
+}
+
+/// What has happened in a run so far: counts of what is grave and the last event, each with a jump to its place and time.
+pub(super) fn live(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>, actions: &mut Vec<UiAction>) {
     let view = TimelineView::of(shown);
+    if !grave_counts(ui, state, (shown, &view), actions) {
+        return;
+    }
+    // Who looks at the past sees what had happened until then.
     let until_s = if view.is_played() { view.head.at_s } else { f64::INFINITY };
     let last = state.events.of(shown.events).rfind(|mark| mark.time_s <= until_s + 1e-6).cloned();
     if let Some(last) = last.filter(|_| ui.available_size_before_wrap().x > LEAST_WORDS) {

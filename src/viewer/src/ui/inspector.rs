@@ -236,7 +236,8 @@ fn motion(
         None if obeys_control(vehicle.status) => format!(", target {}", not_told(shown)),
         None => String::new(),
     };
-    let speeds = format!("{}{target}", speed(vehicle.speed_mps));
+    let speeds = status::speed_words(vehicle.status, speed(vehicle.speed_mps));
+    let speeds = format!("{speeds}{target}");
     row(ui, "Speed", &speeds, "Along its heading, and what road and driver allow here");
     // Decisions are sampled for logs, links and the past: that of a moment ago is not the one of now.
     let is_of_now = shown.city == CityKind::Local && shown.replay.is_none() && !shown.past.is_shown;

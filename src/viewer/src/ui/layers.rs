@@ -242,9 +242,14 @@ pub fn paint(canvas: &Canvas<'_>, state: &UiState, shown: &ViewModel<'_>) {
     labels(canvas, state, shown);
 }
 
+/// Where the text of a gap may stand, from the middle of its line downwards, points.
+const BESIDE_LINE: [f32; 5] = [0.0, 17.0, -17.0, 34.0, -34.0];
+
 /// Writes gaps in metres and seconds beside their lines.
 fn gaps(canvas: &Canvas<'_>, state: &UiState, shown: &ViewModel<'_>) {
-    let mut taken = Vec::new();
+    // Names of vehicles stay legible.
+    let labels = placed_labels(canvas, state, shown);
+    let mut taken: Vec<Rect> = labels.into_iter().map(|placed| placed.ground).collect();
     for vehicle in &shown.interpolated.vehicles {
         if state.selection.vehicle.is_some_and(|selected| selected != vehicle.id) {
             continue;
@@ -258,7 +263,10 @@ fn gaps(canvas: &Canvas<'_>, state: &UiState, shown: &ViewModel<'_>) {
         let middle = overlay::above((front + leader.rear) / 2.0);
         if let Some(place) = canvas.place(middle).filter(|_| !canvas.is_hidden(middle, shown)) {
             let colour = if is_close { overlay::CLOSE_GAP } else { overlay::GAP };
-            canvas.text(place, &text, theme::text_on_picture(colour), &mut taken);
+            let colour = theme::text_on_picture(colour);
+            let _ = BESIDE_LINE
+                .into_iter()
+                .any(|down| canvas.text(place + egui::vec2(0.0, down), &text, colour, &mut taken));
         }
     }
 }

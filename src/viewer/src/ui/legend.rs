@@ -41,8 +41,10 @@ fn lines(state: &UiState, shown: &ViewModel<'_>) -> Vec<LegendLine> {
     add(layers.zones, overlay::CROSSING, "conflict zone: crossing");
     add(layers.zones, overlay::MERGE, "conflict zone: merge");
     if let Some(id) = state.selection.vehicle {
-        add(layers.routes || layers.all_routes, overlay::ROUTE, &format!("route of vehicle {id}"));
+        let has_route = layers.routes || layers.all_routes || shown.edit.is_some();
+        add(has_route, overlay::ROUTE, &format!("route of vehicle {id}"));
     }
+    add(shown.edit.is_some() && state.editing.is_busy(), overlay::EDITED, "lane of the next click");
     let many = format!("more than {} routes: the wider, the more", overlay::ROUTES_APART);
     let has_many = layers.all_routes && overlay::has_many_routes(state.selection.vehicle, shown);
     add(has_many, overlay::MANY_ROUTES, &many);
@@ -99,13 +101,13 @@ fn colours(state: &UiState, shown: &ViewModel<'_>) -> Vec<LegendLine> {
     vec![LegendLine { mark: LegendMark::Scale, text: format!("{}: {least} to {most}", by.label()) }]
 }
 
-const ROW: f32 = 16.0;
-const FONT_SIZE: f32 = 12.0;
+const ROW: f32 = 14.0;
+const FONT_SIZE: f32 = 11.0;
 const TEXT: Color32 = Color32::from_gray(235);
 const GROUND: Color32 = Color32::from_black_alpha(175);
 /// Width of the title with the number of lines, points.
-const TITLE_WIDTH: f32 = 88.0;
-const MARK: f32 = 26.0;
+const TITLE_WIDTH: f32 = 84.0;
+const MARK: f32 = 22.0;
 /// Wide enough to read a value of the scale by its colour.
 const MARK_WITH_SCALE: f32 = 74.0;
 
@@ -118,8 +120,8 @@ pub fn show(ui: &Ui, rect: Rect, state: &mut UiState, shown: &ViewModel<'_>) {
     }
     let painter = ui.painter_at(rect);
     let drawn = DrawnLegend::of(&painter, &lines);
-    // By itself it covers less than half of the width and of the height.
-    let has_room = drawn.size.x < 0.5 * rect.width() && drawn.size.y < 0.5 * rect.height();
+    // By itself it covers little of the view; whoever opens or folds it finds it so again.
+    let has_room = drawn.size.x < 0.4 * rect.width() && drawn.size.y < 0.25 * rect.height();
     let is_folded = !state.layers.is_legend_open.unwrap_or(has_room);
     let size = if is_folded { Vec2::new(TITLE_WIDTH, ROW) } else { drawn.size };
     let corner = rect.left_top() + Vec2::new(14.0, 44.0);

@@ -2,14 +2,16 @@
 
 use super::control_zones::{ZoneStretch, zone_colour};
 use super::vehicle_menu::{MenuSubject, VehicleMenu};
-use super::{UiState, ViewModel, status};
+use super::{UiState, ViewModel, commands, status, theme};
 use city3d_geometry::trig;
 use city3d_protocol::snapshot::{Aspect, VehicleId};
 use city3d_roadmap::CityMap;
-use egui::{Color32, Painter, Pos2, Rect, Sense, Shape, Stroke, Ui, Vec2};
+use egui::{Align2, Color32, FontId, Painter, Pos2, Rect, Role, Sense, Shape, Stroke, Ui, Vec2, WidgetInfo};
 use glam::DVec2;
 
+/// Side of the map where there is room for it, and the least that tells anything, points.
 const SIZE: f32 = 150.0;
+const LEAST_SIZE: f32 = 80.0;
 const MARGIN: f32 = 8.0;
 /// Arrows to vehicles outside lie so far from the edge.
 const EDGE: f32 = 7.0;
@@ -20,9 +22,34 @@ const ZONE_STEPS: u32 = 12;
 
 /// The part of a rectangle beside the minimap; all of it where it is too small for a minimap.
 pub fn beside(rect: Rect) -> Rect {
-    let has_room = rect.width() >= 2.5 * SIZE && rect.height() >= 2.0 * SIZE;
-    let taken = if has_room { SIZE + MARGIN } else { 0.0 };
+    let taken = side(rect).map_or(0.0, |side| side + MARGIN);
     Rect::from_min_max(rect.min, rect.max - Vec2::new(taken, 0.0))
+}
+
+/// The side of the map in a view: it covers no more than two fifths of its width and half of its height. `None` where nothing
+/// could be told from what is left.
+fn side(rect: Rect) -> Option<f32> {
+    let side = SIZE.min(0.4 * rect.width()).min(0.5 * rect.height()).floor();
+    (side >= LEAST_SIZE).then_some(side)
+}
+
+/// Says in its corner that there is no room for the map, and what makes room.
+fn no_room(ui: &Ui, rect: Rect) {
+    let painter = ui.painter_at(rect);
+    let font = FontId::proportional(theme::SMALL);
+    let text = painter.layout_no_wrap("no room for the map".to_owned(), font, Color32::WHITE);
+    let place = Align2::RIGHT_TOP.anchor_size(rect.right_top() + Vec2::new(-MARGIN, MARGIN), text.size());
+    let ground = place.expand2(Vec2::new(5.0, 3.0));
+    painter.rect_filled(ground, 4.0, theme::ON_PICTURE);
+    painter.galley(place.min, text, Color32::WHITE);
+    let keys = [&commands::VEHICLES, &commands::CAMERAS].map(|command| command.key(ui.ctx()));
+    let tip = format!(
+        "Hide the table ({}) or the cameras ({}), or choose a smaller interface in the settings",
+        keys[0], keys[1]
+    );
+    let response = ui.interact(ground.intersect(rect), ui.scope_id().with("no map"), Sense::hover());
+    response.widget_info(|| WidgetInfo::labeled(Role::Label, true, "no room for the map"));
+    response.on_hover_text(tip);
 }
 
 /// Colour of a signal head on the map.
@@ -43,11 +70,12 @@ pub fn show(ui: &Ui, rect: Rect, state: &mut UiState, shown: &ViewModel<'_>) {
     };
     let low = points().fold(DVec2::INFINITY, DVec2::min);
     let high = points().fold(DVec2::NEG_INFINITY, DVec2::max);
-    if !low.is_finite() || rect.width() < 2.5 * SIZE || rect.height() < 2.0 * SIZE {
+    if !low.is_finite() {
         return;
     }
-    let place = Rect::from_min_size(rect.right_top() + Vec2::new(-SIZE - MARGIN, MARGIN), Vec2::splat(SIZE));
-    let scale = f64::from(SIZE - 12.0) / (high - low).max_element().max(1.0);
+    let Some(side) = side(rect) else { return no_room(ui, rect) };
+    let place = Rect::from_min_size(rect.right_top() + Vec2::new(-side - MARGIN, MARGIN), Vec2::splat(side));
+    let scale = f64::from(side - 12.0) / (high - low).max_element().max(1.0);
     let middle = (low + high) / 2.0;
     let on_screen = |point: DVec2| -> Pos2 {
         let from_middle = (point - middle) * scale;

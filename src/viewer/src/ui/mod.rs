@@ -21,6 +21,7 @@ mod layout;
 mod legend;
 mod link;
 mod live_traffic;
+mod look;
 mod map;
 mod measure;
 mod occlusion;
@@ -30,6 +31,7 @@ mod panels;
 mod picture_legend;
 mod plans;
 mod preview;
+mod rain;
 mod rulers;
 mod run_until;
 pub mod runs;
@@ -60,6 +62,7 @@ pub use key_page::KeyPage;
 pub use layers::Layers;
 pub use layout::{Layout, StoredLayout};
 pub use live_traffic::LiveTraffic;
+pub use look::{Look, QualityPreset};
 pub use measure::Measure;
 pub use palette::Palette;
 pub use panels::Panel;
@@ -84,7 +87,6 @@ pub use views::{MORE_VIEWS, MoreViews};
 use crate::cockpit::Devices;
 use city3d_protocol::snapshot::{FrameSnapshot, VehicleId};
 use city3d_render::Overlay;
-use city3d_sensors::Weather;
 use city3d_session::playback::PlaybackCommand;
 use city3d_session::{Order, RunPhase};
 use serde::{Deserialize, Serialize};
@@ -127,48 +129,13 @@ pub enum UiAction {
     Edit(EditAction),
     /// The window closes.
     Quit,
-}
-
-/// Quality preset of the pictures.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum QualityPreset {
-    /// Vertex lighting, no multisampling: for a software adapter.
-    Low,
-    /// For an integrated or older GPU.
-    Medium,
-    /// The default on a GPU.
-    #[default]
-    High,
-    /// Finest shadows and meshes: for stills.
-    Ultra,
-}
-
-impl QualityPreset {
-    /// All presets, from the quickest to the finest.
-    pub const ALL: [Self; 4] = [Self::Low, Self::Medium, Self::High, Self::Ultra];
-
-    /// Name on the toolbar and in reports.
-    pub fn label(self) -> &'static str {
-        match self {
-            Self::Low => "low",
-            Self::Medium => "medium",
-            Self::High => "high",
-            Self::Ultra => "ultra",
-        }
-    }
-}
-
-/// Appearance of the pictures: quality, time of day and weather.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Look {
-    /// Quality preset of the city's renderer.
-    pub preset: QualityPreset,
-    /// Local time from midnight.
-    pub hours: f64,
-    /// Weather.
-    #[serde(default)]
-    pub weather: Weather,
+    /// The user was asked about changes of a scenario that are not saved: they are saved first, or not, and then comes this.
+    Leave {
+        /// What ends the editor.
+        then: Box<UiAction>,
+        /// Whether the changes are saved before.
+        saves: bool,
+    },
 }
 
 /// The selected vehicle.
@@ -399,6 +366,25 @@ impl UiState {
     /// Changes the mode of the large view; chase and onboard take the selected vehicle.
     pub fn set_mode(&mut self, mode: CameraMode) {
         self.viewpoint.choose_mode(mode, self.selection.vehicle);
+    }
+
+    /// The same; where no vehicle is selected or followed, chase and onboard select the one nearest to what the camera looks
+    /// at, and say so.
+    pub(crate) fn look_by(&mut self, mode: CameraMode, (seen, now_s): (&FrameSnapshot, f64)) {
+        let rides = matches!(mode, CameraMode::Chase | CameraMode::Onboard);
+        let has_one = self.selection.vehicle.or(self.viewpoint.follow).is_some();
+        if rides && !has_one {
+            let said = match self.viewpoint.nearest(seen).and_then(|id| seen.info(id)) {
+                Some(info) => {
+                    (self.selection.vehicle, self.table.reveal) = (Some(info.id), true);
+                    let name = events::numbered_name(info);
+                    format!("The camera goes with {name}, the nearest: select another vehicle for its view")
+                }
+                None => "There is no vehicle yet for the camera to go with".to_owned(),
+            };
+            self.say(said, now_s);
+        }
+        self.set_mode(mode);
     }
 
     /// All panels back in their usual places.

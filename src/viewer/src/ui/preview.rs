@@ -339,6 +339,7 @@ const SPEED_WIDTH: f32 = 96.0;
 fn speed(ui: &mut Ui, vehicle: &VehicleState, (units, scale): (SpeedUnit, LengthScale)) {
     let gear = if vehicle.reverse { "  R" } else { "" };
     let number = units.number(vehicle.speed_mps, scale, theme::decimal(ui.ctx()));
+    let number = status::speed_words(vehicle.status, number);
     let text = format!("{number} {}{gear}", units.label());
     let label = egui::Label::new(RichText::new(text).monospace().strong()).extend();
     // Of one width, so that the row never breaks and nothing below moves.
@@ -521,20 +522,20 @@ impl SmallPlot<'_> {
             .custom_y_axes(vec![value])
             .label_formatter(super::charts::hover_words(axes, decimal))
             .x_grid_spacer(|_| marks((-KEPT_S, 0.0), KEPT_S / 2.0))
-            .y_grid_spacer(|grid| marks(grid.bounds, round_step(grid.bounds.1 - grid.bounds.0)))
+            .y_grid_spacer(|grid| marks(grid.bounds, round_step(grid.bounds.1 - grid.bounds.0, 3.0)))
             .show(ui, |plot| plot.line(line));
     }
 }
 
 /// Grid marks at multiples of a step.
-fn marks((from, to): (f64, f64), step: f64) -> Vec<GridMark> {
+pub(super) fn marks((from, to): (f64, f64), step: f64) -> Vec<GridMark> {
     let (first, last) = ((from / step).ceil() as i64, (to / step).floor() as i64);
     (first..=last).map(|k| GridMark { value: k as f64 * step, step_size: step }).collect()
 }
 
-/// The smallest of 1, 2, 5, 10, 20 ... that divides a span into at most three.
-fn round_step(span: f64) -> f64 {
-    let least = (span / 3.0).max(1.0);
+/// The smallest of 1, 2, 5, 10, 20 ..., and of tenths and hundredths, that divides a span into at most so many.
+pub(super) fn round_step(span: f64, parts: f64) -> f64 {
+    let least = (span / parts).max(1e-3);
     let power = trig::pow(10.0, trig::log10(least).floor());
     let step = [1.0, 2.0, 5.0].into_iter().find(|step| step * power >= least);
     step.unwrap_or(10.0) * power
@@ -547,11 +548,13 @@ mod tests {
     #[test]
     fn axes_have_two_or_three_round_numbers_whatever_they_span() {
         let values = |from: f64, to: f64| -> Vec<f64> {
-            marks((from, to), round_step(to - from)).iter().map(|mark| mark.value).collect()
+            marks((from, to), round_step(to - from, 3.0)).iter().map(|mark| mark.value).collect()
         };
         assert_eq!(values(-2.5, 52.5), [0.0, 20.0, 40.0]);
         assert_eq!(values(-11.0, 11.0), [-10.0, 0.0, 10.0]);
         assert_eq!(values(-11.0, 190.0), [0.0, 100.0]);
         assert_eq!(values(-2.75, 57.75), [0.0, 50.0]);
+        assert_eq!(values(-0.03, 0.58), [0.0, 0.5], "metres a second in the laboratory");
+        assert!(values(-0.03, 1.3).len() > 1);
     }
 }

@@ -10,6 +10,8 @@ use glam::{DVec2, DVec3};
 const LONGEST: f64 = 120.0;
 /// From the corner of the view, points.
 const MARGIN: f32 = 14.0;
+/// Height of the lowest row with coordinates and scale, points.
+pub const HEIGHT: f32 = 42.0;
 /// Height of the sign that the past is shown.
 const PAST_SIGN: f32 = 40.0;
 const COLOUR: Color32 = Color32::from_gray(235);

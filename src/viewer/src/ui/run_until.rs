@@ -38,12 +38,12 @@ pub(super) fn after_steps(shown: &ViewModel<'_>, steps: u32) -> RunGoal {
 /// Events that a run can be run up to.
 const EVENTS: [(&str, Option<MarkKind>); 8] = [
     ("collision", Some(MarkKind::Collision)),
-    ("stop of 30 s", Some(MarkKind::LongStop)),
+    ("standstill of 30 s", Some(MarkKind::LongStop)),
     ("vehicle off the road", Some(MarkKind::LeftRoad)),
     ("lost link", Some(MarkKind::Link)),
     ("yield", Some(MarkKind::Yield)),
     ("merge", Some(MarkKind::Merge)),
-    ("stop", Some(MarkKind::Stop)),
+    ("standstill", Some(MarkKind::Stop)),
     ("event of any kind", None),
 ];
 

@@ -139,10 +139,18 @@ pub fn reason(keys: &KeyMap, vehicle: &VehicleState, info: &VehicleInfo, map: &C
     reason.to_owned()
 }
 
+/// A speed as it is written beside a status: in parentheses where the vehicle waits and will start with it.
+pub(super) fn speed_words(status: Status, number: String) -> String {
+    let is_zero = !number.contains(|digit| matches!(digit, '1'..='9'));
+    if status != Status::Waiting || is_zero { number } else { format!("({number})") }
+}
+
 /// Explanation of a status for tooltips.
 pub fn meaning(status: Status) -> &'static str {
     match status {
-        Status::Waiting => "Set up; waits for the start, or for its first trajectory",
+        Status::Waiting => {
+            "Set up; waits for the start, or for its first trajectory. A speed in parentheses is the one that it starts with"
+        }
         Status::Driving => "Under way on its trajectory; the inspector says what limits its speed",
         Status::Yielding => "Gives way at a yield line, or to a vehicle with the right of way",
         Status::Stopped => "Stopped: behind others, at a line, or where a person left it off the lanes",

@@ -82,11 +82,12 @@ impl<'a> TimelineView<'a> {
 }
 
 /// During playback, "previous event" skips events within this time; otherwise it would return to the same one.
-const JUST_PASSED_S: f64 = 0.5;
+pub(super) const JUST_PASSED_S: f64 = 0.5;
 
-/// Selects the vehicle of the last event so far that is reported at once; returns the seek to it.
+/// Selects the vehicle of the last event so far that is reported at once, where that is shown already, of the one before;
+/// returns the seek to it.
 pub(super) fn to_grave_event(replay: &TimelineView<'_>, state: &mut UiState) -> Option<PlaybackCommand> {
-    let mark = state.events.last_grave(replay.marks)?.clone();
+    let mark = events::next_shown(replay, state.events.grave(replay.marks))?.1.clone();
     Some(update(&mark, state))
 }
 
@@ -203,6 +204,8 @@ pub(super) fn show(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>, acti
         if replay.shown != ShownTime::Recorded {
             run_until::button(ui, state, shown, actions);
             events::live(ui, state, shown, actions);
+        } else {
+            events::grave_counts(ui, state, (shown, replay), actions);
         }
     });
     track::show(ui, state, shown, replay, actions);

@@ -145,7 +145,7 @@ fn flow(ui: &mut Ui, traffic: &LiveTraffic) {
 
 /// Whether the tables have no room beside one another: then each measure has a line of its own.
 fn is_narrow(ui: &Ui) -> bool {
-    const WIDE: f32 = 600.0;
+    const WIDE: f32 = 700.0;
     // The panel scrolls, so that its own room has no end.
     ui.clip_rect().width() < WIDE
 }
@@ -153,7 +153,8 @@ fn is_narrow(ui: &Ui) -> bool {
 /// What measures are that the card of a finished run has, too.
 pub(super) const FLOW: &str = "Exits after the first one over the time since it, vehicles an hour; none of fewer than two after the warm-up";
 pub(super) const DELAY: &str = "Mean time lost against driving alone, with the time held outside";
-pub(super) const STOPS: &str = "How often vehicles came to stand: below 0.5 m/s, also where they come to the end of their routes. Events \"stop\" are counted below 0.1 m/s: their number differs";
+pub(super) const SLOW_STOPS: &str = "Slow stops (< 0.5 m/s)";
+pub(super) const STOPS: &str = "How often vehicles became slower than 0.5 m/s, also where they come to the end of their routes. Events \"standstill\" are those below 0.1 m/s: there may be fewer";
 
 const COLUMNS: [(&str, &str); 10] = [
     ("", ""),
@@ -162,7 +163,7 @@ const COLUMNS: [(&str, &str); 10] = [
     ("Flow (/h)", FLOW),
     ("Delay (s)", DELAY),
     ("Most (s)", "Largest delay"),
-    ("Stops", STOPS),
+    (SLOW_STOPS, STOPS),
     ("Queue now", "Vehicles that are stopped now"),
     ("Queue, mean", "Vehicles that are stopped, mean over time"),
     ("Queue, most", "The most vehicles that were stopped at a time"),

@@ -166,7 +166,7 @@ const ROW_HEIGHT: f32 = 20.0;
 /// Room for the number of rows, points.
 const COUNT_WIDTH: f32 = 66.0;
 /// Column widths of usual texts, points.
-const WIDTHS: [f32; 7] = [40.0, 50.0, 54.0, 78.0, 47.0, 47.0, 44.0];
+const WIDTHS: [f32; 7] = [40.0, 50.0, 54.0, 78.0, 47.0, 47.0, 50.0];
 /// Weights by which columns share the remaining width.
 const SHARES: [f32; 7] = [0.0, 3.0, 2.0, 1.0, 1.0, 1.0, 1.0];
 
@@ -416,7 +416,10 @@ fn cell(
         }
         SortKey::X => number(ui, decimal.tenths(row.x_m)),
         SortKey::Y => number(ui, decimal.tenths(row.y_m)),
-        SortKey::Speed => number(ui, units.number(row.speed_mps, scale, decimal)),
+        SortKey::Speed => {
+            let speed = units.number(row.speed_mps, scale, decimal);
+            number(ui, status::speed_words(row.status, speed));
+        }
     });
 }
 
@@ -504,6 +507,7 @@ mod tests {
             (SortKey::Y, "-165.3", true),
             (SortKey::Speed, "100.0", true),
             (SortKey::Speed, "0.400", true),
+            (SortKey::Speed, "(18.0)", true),
         ];
         let context = egui::Context::default();
         let mut checked = 0;
@@ -523,7 +527,7 @@ mod tests {
 
     #[test]
     fn a_narrow_table_drops_what_matters_least() {
-        assert_eq!(columns(396.0), [0, 1, 2, 3, 4, 5, 6]);
+        assert_eq!(columns(402.0), [0, 1, 2, 3, 4, 5, 6]);
         assert_eq!(columns(337.0), USUAL);
         assert_eq!(columns(282.0), KEPT);
         assert_eq!(columns(160.0), [0, 3, 6]);

@@ -4,7 +4,7 @@ use super::{ChartView, ControlZoneArea, EditView, LiveTraffic, ScenarioCamera, V
 use crate::cockpit::SteeringGeometry;
 use city3d_protocol::snapshot::{FrameSnapshot, VehicleId};
 use city3d_roadmap::{CityMap, LaneId};
-use city3d_scene::Wall;
+use city3d_scene::{RoadsOut, Wall};
 use city3d_sensors::{PictureKind, View};
 use city3d_session::playback::{Playhead, TimelineMark};
 use city3d_session::{RunHistory, RunState};
@@ -35,6 +35,8 @@ pub struct ViewModel<'a> {
     pub control_zones: &'a [ControlZoneArea],
     /// Walls that occlude vehicles.
     pub walls: &'a [Wall],
+    /// The roads that lead out of the town.
+    pub roads_out: &'a RoadsOut,
     /// Names of all vehicles of the run.
     pub names: &'a VehicleNames,
     /// Control algorithm of each vehicle; it drives while no person does.

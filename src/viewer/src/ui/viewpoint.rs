@@ -122,6 +122,10 @@ const NEAREST_M: f64 = 3.0;
 const FARTHEST_M: f64 = 600.0;
 const LOWEST_RAD: f64 = 0.03;
 const STEEPEST_RAD: f64 = FRAC_PI_2 - 0.02;
+/// Roofs and what stands on them hide so far above the walls that are known, metres.
+const ROOF_M: f32 = 2.0;
+/// The camera rises before the followed vehicle is hidden, seconds.
+const FORESIGHT_S: f64 = 0.7;
 /// Rotation per point of mouse motion.
 const RAD_PER_POINT: f64 = 0.006;
 
@@ -197,9 +201,14 @@ impl Viewpoint {
         let is_raised = !self.rear && matches!(self.mode, CameraMode::Orbit | CameraMode::Chase);
         let Some(vehicle) = followed.filter(|_| is_raised) else { return self.raise.ease_to(0.0, dt_s) };
         let mut raise = self.raise;
+        let soon = (vehicle.forward() * (vehicle.speed_mps * FORESIGHT_S)).extend(0.0);
         let needed_rad = raise.needed_rad(|by_rad| {
             let eye = self.raised_view(seen, [16, 9], by_rad).extrinsics.position;
-            occlusion::is_occluded(eye, vehicle.position + DVec3::Z, walls)
+            // Seen by whoever rises only once it is hidden, it would be gone for a moment.
+            [DVec3::ZERO, soon].into_iter().any(|by| {
+                let point = vehicle.position + DVec3::Z + by;
+                occlusion::is_occluded_up_to(eye + by, point, (walls, ROOF_M))
+            })
         });
         self.raise = raise;
         self.raise.ease_to(needed_rad, dt_s)
@@ -288,6 +297,13 @@ impl Viewpoint {
         let (sin, cos) = azimuth_rad.sin_cos();
         let (near, east) = (DVec3::new(cos, sin, 0.0), DVec3::new(-sin, cos, 0.0));
         self.target -= east * right_m + near * near_m;
+    }
+
+    /// The vehicle nearest to the middle of the view.
+    pub(super) fn nearest(&self, seen: &FrameSnapshot) -> Option<VehicleId> {
+        let middle = if self.mode == CameraMode::Free { self.eye } else { self.target };
+        let distance = |vehicle: &VehicleState| vehicle.position.distance_squared(middle);
+        seen.vehicles.iter().min_by(|a, b| distance(a).total_cmp(&distance(b))).map(|vehicle| vehicle.id)
     }
 
     /// Changes the mode for whoever has selected a vehicle: chase and onboard take that one.

@@ -2,10 +2,10 @@
 
 use super::layers::{self, Canvas};
 use super::viewpoint::{CameraMode, Viewpoint};
-use super::{PictureRequest, PictureSlot, UiState, ViewModel, city, overlay};
+use super::{PictureRequest, PictureSlot, UiState, ViewModel, city, overlay, rain};
 use city3d_protocol::snapshot::FrameSnapshot;
 use city3d_render::Overlay;
-use city3d_sensors::PictureKind;
+use city3d_sensors::{PictureKind, Weather};
 use city3d_session::RunPhase;
 use egui::emath::GuiRounding as _;
 use egui::{Sense, Ui};
@@ -50,6 +50,10 @@ pub fn show(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>, index: usiz
     let slot = PictureSlot::View(index);
     state.pictures.push(PictureRequest { slot, view, kind: PictureKind::Rgb });
     super::paint_picture(ui, rect, shown, slot);
+    if state.look.weather == Weather::Rain {
+        let mode = state.views.cameras[index].mode;
+        rain::paint(&ui.painter_at(rect), rect, mode, shown.interpolated.time_s);
+    }
     let canvas = Canvas::new(ui, &view, rect).of(&state.views.cameras[index]);
     state.views.overlays[index] = overlay::build(state, shown, &canvas);
     layers::paint(&canvas, state, shown);
@@ -67,7 +71,8 @@ fn modes(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>, index: usize) 
     ui.horizontal_wrapped(|ui| {
         for mode in CameraMode::ALL {
             if ui.selectable_label(camera.mode == mode, mode.label()).clicked() {
-                camera.choose_mode(mode, selected);
+                let nearest = selected.or(camera.follow).or_else(|| camera.nearest(shown.interpolated));
+                camera.choose_mode(mode, nearest);
             }
         }
         let followed = camera.follow.and_then(|id| shown.interpolated.info(id));

@@ -13,7 +13,7 @@ use super::viewer::{ViewerState, WindowRequest};
 use super::{ViewSettings, WindowError, WindowOptions, WindowSubject};
 use crate::cockpit::Devices;
 use crate::ui::runs::Problem;
-use crate::ui::{CityKind, Look, VideoSubject};
+use crate::ui::{CityKind, Look, UiAction, VideoSubject};
 use city3d_render::{Context, Image, write_png};
 use city3d_session::Order;
 use std::mem::ManuallyDrop;
@@ -167,6 +167,9 @@ impl ApplicationHandler<WindowNews> for App<'_> {
         }
         match event {
             // Some systems destroy the window without asking.
+            WindowEvent::CloseRequested if open_window.viewer.asks_before(&UiAction::Quit) => {
+                open_window.schedule_frame(Duration::ZERO);
+            }
             WindowEvent::CloseRequested | WindowEvent::Destroyed => events.exit(),
             WindowEvent::Resized(size) => open_window.resize(size),
             WindowEvent::Occluded(is_hidden) => open_window.is_hidden = is_hidden,

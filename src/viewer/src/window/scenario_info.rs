@@ -1,12 +1,12 @@
 //! What the panels show of an experiment besides its state: drivers, routes, cameras, steering and walls.
 
 use crate::cockpit::SteeringGeometry;
-use crate::ui::{ControlZoneArea, DriverNames, ScenarioCamera, VehicleNames};
+use crate::ui::{ControlZoneArea, DriverNames, ScenarioCamera, ScenarioChoice, VehicleNames};
 use city3d_protocol::snapshot::VehicleId;
 use city3d_roadmap::LaneId;
-use city3d_scene::{SceneDescription, Wall};
+use city3d_scene::{RoadsOut, SceneDescription, Wall};
 use city3d_sensors::{Sensor, SensorKind};
-use city3d_simulation::scenario::Experiment;
+use city3d_simulation::scenario::{Experiment, Library};
 use std::collections::BTreeMap;
 
 /// Data of an experiment for the panels.
@@ -18,6 +18,7 @@ pub(super) struct ScenarioInfo {
     pub steering_geometry: BTreeMap<VehicleId, SteeringGeometry>,
     pub control_zones: Vec<ControlZoneArea>,
     pub walls: Vec<Wall>,
+    pub roads_out: RoadsOut,
     /// The vehicle that the scenario reserves for a person.
     pub own: Option<VehicleId>,
     /// Pedals, steering and lateral errors are known; otherwise only poses are.
@@ -46,8 +47,17 @@ impl ScenarioInfo {
                 .collect(),
             control_zones: ControlZoneArea::all(experiment),
             walls: SceneDescription::walls_of(&experiment.city_map),
+            roads_out: RoadsOut::of(&experiment.city_map),
             own: vehicles().find(|v| v.is_human).map(|v| v.id),
             has_control_data: true,
         }
     }
+}
+
+/// A shipped scenario with its description.
+pub(super) fn choice(name: &str) -> ScenarioChoice {
+    let text = Library::scenario(name).map(|(text, _)| text).unwrap_or_default();
+    let table = text.parse::<toml::Table>().unwrap_or_default();
+    let description = table.get("description").and_then(toml::Value::as_str).unwrap_or_default();
+    ScenarioChoice { name: name.to_owned(), description: description.to_owned() }
 }

@@ -16,7 +16,7 @@ use super::figures::LiveFigures;
 use super::opening::Opening;
 use super::painter::CityFrame;
 use super::recording::{RecordedRun, RecordingOptions, recorded, start};
-use super::scenario_info::ScenarioInfo;
+use super::scenario_info::{ScenarioInfo, choice};
 use super::{CitySubject, WindowError};
 use crate::cockpit::SteeringGeometry;
 use crate::ui::runs::{RunsView, StartLists};
@@ -31,7 +31,7 @@ use city3d_session::playback::{LogInfo, PastPlayer, PlaybackCommand, Player};
 use city3d_session::{
     EventReader, Order, RunHistory, RunPhase, RunState, SessionError, SessionHandle, SessionStopper, Speed,
 };
-use city3d_simulation::scenario::{Experiment, Library, ScenarioRequest, shipped_scenarios};
+use city3d_simulation::scenario::{Experiment, ScenarioRequest, shipped_scenarios};
 use city3d_simulation::sim::World;
 use shown_status::before_start;
 use std::collections::BTreeMap;
@@ -412,6 +412,7 @@ impl ViewerState {
             map: &self.experiment.city_map,
             control_zones: &scenario_info.control_zones,
             walls: &scenario_info.walls,
+            roads_out: &scenario_info.roads_out,
             names: &scenario_info.names,
             drivers: &scenario_info.drivers,
             routes: &scenario_info.routes,
@@ -447,35 +448,46 @@ impl ViewerState {
     pub fn act(&mut self, actions: Vec<UiAction>, now_s: f64) -> Vec<WindowRequest> {
         let mut requests = Vec::new();
         for action in actions {
-            match action {
-                UiAction::Order(order) => requests.extend(self.order(order, now_s)),
-                UiAction::ResetConfirmed => {
-                    self.send(Order::Reset);
-                }
-                UiAction::PlaybackCommand(command) => self.look_back(command, now_s),
-                UiAction::Drive(vehicle) => self.take_over(vehicle, now_s),
-                UiAction::GiveBack => self.give_back(now_s),
-                UiAction::Look(_) => requests.push(WindowRequest::Look),
-                UiAction::Screenshot => requests.push(WindowRequest::Screenshot),
-                UiAction::SaveChart => {
-                    let folder = self.files_folder();
-                    self.figures.save(&folder);
-                }
-                UiAction::Video(video) => requests.push(WindowRequest::Video(video)),
-                UiAction::KeepDevices => requests.push(WindowRequest::KeepDevices),
-                UiAction::Quit => requests.push(WindowRequest::Quit),
-                UiAction::Scenario(scenario) => {
-                    let request = ScenarioRequest { scenario, ..ScenarioRequest::default() };
-                    requests.push(WindowRequest::Open(Opening::scenario(request)));
-                }
-                UiAction::Open(request) => requests.extend(self.open(&request, now_s)),
-                UiAction::Replay => requests.extend(self.replay(now_s)),
-                UiAction::RunAgain(otherwise) => requests.extend(self.run_again(otherwise)),
-                UiAction::CompareWith(other) => self.compare_with(&other),
-                UiAction::Edit(action) => requests.extend(self.edit(action, now_s)),
+            if !self.asks_before(&action) {
+                self.carry_out(action, now_s, &mut requests);
             }
         }
         requests
+    }
+
+    fn carry_out(&mut self, action: UiAction, now_s: f64, requests: &mut Vec<WindowRequest>) {
+        match action {
+            UiAction::Leave { then, saves } => {
+                if !saves || self.save_edited(now_s) {
+                    self.carry_out(*then, now_s, requests);
+                }
+            }
+            UiAction::Order(order) => requests.extend(self.order(order, now_s)),
+            UiAction::ResetConfirmed => {
+                self.send(Order::Reset);
+            }
+            UiAction::PlaybackCommand(command) => self.look_back(command, now_s),
+            UiAction::Drive(vehicle) => self.take_over(vehicle, now_s),
+            UiAction::GiveBack => self.give_back(now_s),
+            UiAction::Look(_) => requests.push(WindowRequest::Look),
+            UiAction::Screenshot => requests.push(WindowRequest::Screenshot),
+            UiAction::SaveChart => {
+                let folder = self.files_folder();
+                self.figures.save(&folder);
+            }
+            UiAction::Video(video) => requests.push(WindowRequest::Video(video)),
+            UiAction::KeepDevices => requests.push(WindowRequest::KeepDevices),
+            UiAction::Quit => requests.push(WindowRequest::Quit),
+            UiAction::Scenario(scenario) => {
+                let request = ScenarioRequest { scenario, ..ScenarioRequest::default() };
+                requests.push(WindowRequest::Open(Opening::scenario(request)));
+            }
+            UiAction::Open(request) => requests.extend(self.open(&request, now_s)),
+            UiAction::Replay => requests.extend(self.replay(now_s)),
+            UiAction::RunAgain(otherwise) => requests.extend(self.run_again(otherwise)),
+            UiAction::CompareWith(other) => self.compare_with(&other),
+            UiAction::Edit(action) => requests.extend(self.edit(action, now_s)),
+        }
     }
 
     /// Vehicles that the scenario does not have: guests of a served city.
@@ -583,12 +595,4 @@ impl ViewerState {
 fn sentence(clause: &str) -> String {
     let mut letters = clause.chars();
     letters.next().map_or_else(String::new, |first| format!("{}{}.", first.to_uppercase(), letters.as_str()))
-}
-
-/// A shipped scenario with its description.
-fn choice(name: &str) -> ScenarioChoice {
-    let text = Library::scenario(name).map(|(text, _)| text).unwrap_or_default();
-    let table = text.parse::<toml::Table>().unwrap_or_default();
-    let description = table.get("description").and_then(toml::Value::as_str).unwrap_or_default();
-    ScenarioChoice { name: name.to_owned(), description: description.to_owned() }
 }

@@ -3,6 +3,7 @@
 use super::desk::{Desk, EditedFile, click, fleet, harness, press, with};
 use city3d_protocol::snapshot::{FrameSnapshot, VehicleId};
 use city3d_scene::Wall;
+use city3d_sensors::Weather;
 use city3d_session::RunPhase;
 use city3d_viewer::ui::{CameraMode, EditTool, ManualDrive, PictureRequest, PictureSlot, UiAction};
 use egui::{Pos2, Rect, Shape, Vec2};
@@ -267,6 +268,28 @@ fn another_scale_factor_has_finer_pictures_at_the_same_places() {
 }
 
 #[test]
+fn rain_falls_with_the_simulated_time_in_every_quality() {
+    let mut harness = with(1);
+    let streaks = |harness: &Harness<'static, Desk>| -> Vec<Pos2> {
+        let lines = harness.output().shapes.iter().filter_map(|clipped| match &clipped.shape {
+            Shape::LineSegment { points, stroke } if stroke.color.r() < stroke.color.b() => Some(points[0]),
+            _ => None,
+        });
+        lines.collect()
+    };
+    assert!(streaks(&harness).is_empty());
+    harness.state_mut().state.look.weather = Weather::Rain;
+    harness.run_steps(2);
+    let before = streaks(&harness);
+    assert!((60..=220).contains(&before.len()), "{}", before.len());
+    harness.run_steps(3);
+    assert_eq!(streaks(&harness), before, "a paused run has still rain");
+    harness.state_mut().change(|now| now.time_s += 0.1);
+    harness.run_steps(2);
+    assert!(streaks(&harness).iter().zip(&before).all(|(now, before)| now != before));
+}
+
+#[test]
 fn windows_of_all_sizes_are_drawn() {
     let mut desk = Desk::with(fleet(500));
     desk.run_state.phase = RunPhase::Running;
@@ -328,7 +351,9 @@ fn the_bar_picks_scenarios_cameras_and_looks() {
         assert_eq!(harness.state().state.viewpoint.mode, mode);
     }
     click(&mut harness, "Chase");
-    assert_eq!(harness.state().state.viewpoint.mode, CameraMode::Orbit, "nothing is selected");
+    let state = &harness.state().state;
+    assert_eq!((state.viewpoint.mode, state.viewpoint.follow), (CameraMode::Chase, state.selection.vehicle));
+    click(&mut harness, "Orbit");
     let pick = |harness: &mut Harness<'static, Desk>, shown: &str, wanted: &str| {
         harness.get_by_value(shown).click();
         harness.run_steps(4);
@@ -386,4 +411,36 @@ fn the_last_row_of_a_long_table_is_whole_at_every_size_of_the_interface() {
         }
         assert!(count > 8 && last.0 <= last.1, "{count} rows, the last ends at {last:?} at {scale}");
     }
+}
+
+#[test]
+fn in_a_small_view_the_map_is_smaller_and_where_it_has_no_room_that_is_said() {
+    let mut harness = harness(Desk::with(fleet(2)));
+    let map = |harness: &Harness<'static, Desk>| {
+        let pixels = place(harness);
+        (pixels.size(), harness.query_by_label("no room for the map").is_some())
+    };
+    for (scale, size) in [(1.0, [1280.0, 720.0]), (1.5, [1280.0 / 1.5, 720.0 / 1.5])] {
+        harness.set_size(size.into());
+        harness.run_steps(4);
+        assert!(!map(&harness).1, "{scale}: {:?}", map(&harness).0);
+    }
+    harness.set_size(egui::vec2(420.0, 300.0));
+    harness.run_steps(4);
+    assert!(map(&harness).1, "{:?}", map(&harness).0);
+    harness.state_mut().state.layers.map = false;
+    harness.run_steps(4);
+    assert!(!map(&harness).1, "nobody asks for it");
+}
+
+#[test]
+fn the_dashboard_is_low_and_leaves_the_rulers_and_the_driven_vehicle_in_sight() {
+    let mut desk = Desk::with(fleet(1));
+    desk.state.driving = Some(ManualDrive::take_over(VehicleId(1), 1, 0.0));
+    let harness = harness(desk);
+    let city = place(&harness);
+    let gear = harness.get_by_label_contains("gear D").rect();
+    let first = harness.get_by_label_contains("Paused: Space").rect();
+    assert!(first.top() > city.bottom() - 140.0, "{first:?} in {city:?}");
+    assert!(gear.bottom() < city.bottom() - 38.0, "{gear:?} in {city:?}");
 }

@@ -1,6 +1,6 @@
 //! The registry of actions: palette, keys, help and the manual tell the same.
 
-use super::desk::{Desk, EditedFile, Recording, fleet, harness, press};
+use super::desk::{Desk, EditedFile, Recording, click, fleet, harness, press, with};
 use city3d_protocol::snapshot::{EventKind, VehicleId};
 use city3d_sensors::Weather;
 use city3d_session::playback::Playhead;
@@ -318,4 +318,33 @@ fn the_tab_key_reaches_the_table_and_arrows_move_the_selection() {
     assert_eq!(selected(&harness), Some(VehicleId(2)), "the first Escape leaves the table");
     press(&mut harness, Key::Escape);
     assert_eq!(selected(&harness), None);
+}
+
+#[test]
+fn who_asks_why_finds_the_inspector_first() {
+    for question in ["why is it slow", "why does it stop", "why slow", "why does it wait"] {
+        let mut harness = with(2);
+        harness.key_press_modifiers(Modifiers::COMMAND, Key::P);
+        harness.run_steps(3);
+        harness.event(egui::Event::Text(question.to_owned()));
+        harness.run_steps(3);
+        press(&mut harness, Key::Enter);
+        assert!(harness.state().state.open.inspector, "{question}");
+    }
+}
+
+#[test]
+fn a_camera_that_rides_takes_the_nearest_vehicle_where_none_is_selected() {
+    let mut harness = with(3);
+    harness.state_mut().state.viewpoint.look_at(glam::DVec2::new(4.0, -2.0));
+    press(&mut harness, Key::Num2);
+    let state = &harness.state().state;
+    assert_eq!((state.viewpoint.mode, state.viewpoint.follow), (CameraMode::Chase, Some(VehicleId(2))));
+    assert_eq!(state.selection.vehicle, Some(VehicleId(2)));
+    assert!(state.notice.as_ref().unwrap().0.starts_with("The camera goes with 2 car2, the nearest"));
+    let mut empty = with(0);
+    click(&mut empty, "Onboard");
+    let state = &empty.state().state;
+    assert!(state.notice.as_ref().unwrap().0.starts_with("There is no vehicle yet"));
+    assert_eq!(state.viewpoint.mode, CameraMode::Orbit);
 }

@@ -5,7 +5,7 @@ use city3d_protocol::snapshot::{
     Appearance, Dimensions, FrameSnapshot, Status, VehicleId, VehicleInfo, VehicleState,
 };
 use city3d_roadmap::{CityMap, LaneId};
-use city3d_scene::Wall;
+use city3d_scene::{RoadsOut, Wall};
 use city3d_sensors::Weather;
 use city3d_session::playback::{Playhead, TimelineMark};
 use city3d_session::{RunHistory, RunPhase, RunState};
@@ -57,6 +57,7 @@ pub struct Desk {
     pub map: Arc<CityMap>,
     pub control_zones: Vec<ControlZoneArea>,
     pub walls: Vec<Wall>,
+    pub roads_out: RoadsOut,
     pub loading: Option<String>,
     pub names: VehicleNames,
     pub drivers: DriverNames,
@@ -179,6 +180,7 @@ impl Desk {
             map: map(),
             control_zones: Vec::new(),
             walls: Vec::new(),
+            roads_out: RoadsOut::of(&map()),
             loading: None,
             names: now.roster.iter().map(|info| (info.id, info.name.clone())).collect(),
             drivers: ids().map(|id| (id, "idm".to_owned())).collect(),
@@ -231,6 +233,7 @@ impl Desk {
             map: &self.map,
             control_zones: &self.control_zones,
             walls: &self.walls,
+            roads_out: &self.roads_out,
             names: &self.names,
             drivers: &self.drivers,
             routes: &self.routes,

@@ -177,7 +177,7 @@ fn the_description_of_the_scenario_is_edited() {
     let mut desk = editing();
     desk.edit.as_mut().unwrap().description = "Of old".to_owned();
     let mut harness = harness(desk);
-    harness.get_by_role_and_label(Role::TextInput, "Description").focus();
+    harness.get_by_role_and_label(Role::MultilineTextInput, "Description").focus();
     harness.run_steps(2);
     harness.key_press_modifiers(Modifiers::COMMAND, Key::A);
     harness.event(egui::Event::Text("A crash".to_owned()));
@@ -337,4 +337,20 @@ fn a_vehicle_that_cannot_start_is_drawn_where_the_file_states_it_and_can_be_drag
     harness.state_mut().edit.as_mut().unwrap().problems.clear();
     harness.run_steps(2);
     assert!(!has_text(&harness, "9 block: cannot start here"));
+}
+
+#[test]
+fn the_route_has_the_colour_of_the_legend_in_the_editor_too() {
+    let mut desk = editing();
+    let route = map().lanes[..2].iter().map(|lane| lane.id).collect();
+    desk.routes.insert(VehicleId(2), route);
+    let mut harness = harness(desk);
+    assert!(has_text(&harness, "route of vehicle 2"), "{:?}", texts(&harness));
+    let yellow = |harness: &Harness<'static, Desk>| {
+        let lines = &harness.state().state.overlay.lines;
+        lines.iter().any(|line| line.paint.colour[..3] == [255, 220, 90])
+    };
+    assert!(!yellow(&harness), "yellow is the lane of a tool");
+    press(&mut harness, Key::T);
+    assert!(has_text(&harness, "lane of the next click"));
 }

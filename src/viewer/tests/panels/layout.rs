@@ -1,8 +1,10 @@
 //! Panels are docked, moved, hidden and lifted; theme, size and units hold everywhere.
 
-use super::city::{place, spread};
+use super::city::{place, spread, vehicle_at};
 use super::desk::{Desk, click, fleet, harness, press, with};
+use super::runs::finished;
 use city3d_protocol::snapshot::VehicleId;
+use city3d_session::RunPhase;
 use city3d_viewer::ui::{Layout, Panel, PictureSlot, SpeedUnit, Theme};
 use egui::accesskit::Role;
 use egui::{Key, Modifiers, Pos2, Rect, Shape, vec2};
@@ -293,4 +295,22 @@ fn panels_open_beside_one_another_and_not_over_the_followed_vehicle() {
 fn entries_at_the_edge_of_a_list_do_not_look_disabled() {
     let harness = with(6);
     assert_eq!(harness.ctx.global_style().spacing.scroll.fade.strength, 0.0);
+}
+
+#[test]
+fn the_card_of_a_finished_run_opens_beside_the_vehicle_that_one_looks_at() {
+    for selected in [None, Some(VehicleId(1))] {
+        let mut desk = finished();
+        desk.state.selection.vehicle = selected;
+        desk.run_state.phase = RunPhase::Paused;
+        let mut harness = harness(desk);
+        harness.state_mut().run_state.phase = RunPhase::Over;
+        harness.run_steps(4);
+        let city = place(&harness);
+        let at = if selected.is_some() { vehicle_at(&harness, 0) } else { city.center() };
+        let card = ["Run finished", "Run again", "Collisions"].map(|text| harness.get_by_label(text).rect());
+        let card = card.into_iter().fold(card[0], Rect::union);
+        assert!(!card.contains(at), "{selected:?}: {at:?} under {card:?}");
+        assert!(harness.ctx.content_rect().contains_rect(card), "{card:?}");
+    }
 }

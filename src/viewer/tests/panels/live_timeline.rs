@@ -197,7 +197,7 @@ fn what_is_grave_is_counted_and_shown_where_and_when_it_happened() {
     harness.run_steps(4);
     harness.get_by_label("4 events");
     harness.get_by_label("2.00 s: 4 car4, merge");
-    click(&mut harness, "1 long stop");
+    click(&mut harness, "1 long standstill");
     assert_eq!(cues(&mut harness), [PlaybackCommand::Show(1.5)]);
     assert_eq!(harness.state().state.viewpoint.follow, Some(VehicleId(2)));
     harness.state_mut().events.push(collision(2.4, 6, 1));
@@ -232,8 +232,28 @@ fn who_looks_at_the_past_sees_the_last_event_until_then() {
     harness.run_steps(4);
     harness.get_by_label("2.00 s: 4 car4, merge");
     look_back(&mut harness);
-    harness.get_by_label("0.50 s: 1 car1, stop");
+    harness.get_by_label("0.50 s: 1 car1, standstill");
     assert!(harness.query_by_label("2.00 s: 4 car4, merge").is_none(), "it has not happened yet");
+}
+
+#[test]
+fn each_of_several_collisions_is_shown_one_click_after_the_other() {
+    let mut harness = live();
+    harness.set_size(egui::vec2(1600.0, 720.0));
+    harness.state_mut().events = vec![collision(0.4, 1, 2), collision(1.2, 3, 4), collision(2.2, 5, 6)];
+    harness.run_steps(4);
+    let mut shown = Vec::new();
+    for _ in 0..4 {
+        click(&mut harness, "3 collisions");
+        let [PlaybackCommand::Show(at_s)] = cues(&mut harness)[..] else { panic!("no jump") };
+        shown.push(at_s);
+        let head = Playhead { at_s, before_s: at_s - 0.01, ..present(2.5) };
+        harness.state_mut().past = Some(PastView { head, is_shown: true });
+        harness.run_steps(3);
+    }
+    assert_eq!(shown, [2.2, 1.2, 0.4, 2.2], "after the first one comes the last again");
+    press(&mut harness, Key::G);
+    assert_eq!(cues(&mut harness), [PlaybackCommand::Show(1.2)], "the key, too");
 }
 
 #[test]
@@ -243,7 +263,7 @@ fn events_of_another_run_are_counted_anew() {
     harness.run_steps(2);
     harness.get_by_label("2 events");
     harness.get_by_label("2 collisions");
-    assert!(harness.query_by_label("1 long stop").is_none());
+    assert!(harness.query_by_label("1 long standstill").is_none());
     // As many as before, and others.
     harness.state_mut().events = some()[..2].to_vec();
     harness.run_steps(2);
@@ -338,7 +358,7 @@ fn who_has_left_the_city_keeps_its_name_in_events() {
     desk.names.insert(VehicleId(9), "visitor".to_owned());
     desk.events = vec![mark(2.2, 9, Occurrence::Event(EventKind::Stop))];
     harness.run_steps(2);
-    harness.get_by_label("2.20 s: 9 visitor, stop");
+    harness.get_by_label("2.20 s: 9 visitor, standstill");
     press(&mut harness, Key::F3);
     harness.run_steps(2);
     harness.get_by_label("9 visitor");

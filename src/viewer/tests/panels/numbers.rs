@@ -3,7 +3,7 @@
 use super::city::texts;
 use super::desk::{Desk, EditedFile, click, fleet, harness, press};
 use super::timeline::mark;
-use city3d_protocol::snapshot::{EventKind, VehicleId};
+use city3d_protocol::snapshot::{EventKind, FrameSnapshot, Status, VehicleId};
 use city3d_session::RunPhase;
 use city3d_viewer::ui::{DecimalSeparator, Preview};
 use egui::Key;
@@ -75,5 +75,22 @@ fn number_fields_take_a_point_and_a_comma() {
         press(&mut harness, Key::Enter);
         assert_eq!(harness.state().state.lapse_s, seconds, "{typed}");
         harness.get_by_label("Time-lapse");
+    }
+}
+
+#[test]
+fn who_waits_for_the_start_is_told_with_the_speed_of_the_start() {
+    let mut desk = Desk::with(fleet(1));
+    desk.change(|now| (now.vehicles[0].status, now.vehicles[0].speed_mps) = (Status::Waiting, 5.0));
+    let mut harness = harness(desk);
+    harness.get_by_label("(18.0)");
+    for (status, speed_mps, told) in [(Status::Driving, 5.0, "18.0"), (Status::Waiting, 0.0, "0.0")] {
+        let standing = |now: &mut FrameSnapshot| {
+            (now.vehicles[0].status, now.vehicles[0].speed_mps) = (status, speed_mps);
+        };
+        harness.state_mut().change(standing);
+        harness.run_steps(3);
+        assert!(harness.query_all_by_label(told).count() > 0, "{told}");
+        assert!(harness.query_by_label("(18.0)").is_none());
     }
 }

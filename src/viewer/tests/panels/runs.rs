@@ -247,7 +247,7 @@ fn the_panel_of_files_is_in_front_of_a_start_page_that_was_opened_later() {
     assert_eq!(harness.ctx.layer_id_at(heading).unwrap().id, egui::Id::unique("files"));
 }
 
-fn entry(folder: &str, name: &str) -> RunEntry {
+pub fn entry(folder: &str, name: &str) -> RunEntry {
     let age = "2 hours ago".to_owned();
     RunEntry {
         folder: folder.into(),
@@ -311,7 +311,7 @@ fn a_finished_run_tells_what_came_of_it_and_what_can_be_done() {
     for text in [
         "Run finished",
         "Collisions",
-        "Stops",
+        "Slow stops (< 0.5 m/s)",
         "Mean speed",
         "Throughput",
         "none: fewer than two arrivals counted",

@@ -1,6 +1,7 @@
 //! The timeline of a recorded run, its keys and its list of events.
 
 use super::desk::{Desk, Recording, click, fleet, harness, press};
+use super::runs::entry;
 use city3d_protocol::snapshot::{EventKind, VehicleId};
 use city3d_session::playback::{Occurrence, PlaybackCommand, Playhead, TimelineMark};
 use city3d_viewer::ui::{PictureSlot, UiAction};
@@ -255,7 +256,7 @@ fn of_many_events_those_in_sight_are_listed_and_words_find_the_rest() {
     let mut harness = with(marks);
     press(&mut harness, egui::Key::F3);
     harness.run_steps(5);
-    let rows = harness.query_all_by_label("stop").count();
+    let rows = harness.query_all_by_label("standstill").count();
     assert!((5..60).contains(&rows), "{rows} rows");
     harness.state_mut().state.events.filter = "collision 5".to_owned();
     harness.run_steps(3);
@@ -291,4 +292,19 @@ fn a_torn_log_says_so_and_windows_of_all_sizes_are_drawn() {
         let extents = harness.state().state.pictures.iter().flat_map(|picture| picture.view.extent);
         assert!(extents.into_iter().all(|pixels| (1..=8192).contains(&pixels)), "{size:?}");
     }
+}
+
+#[test]
+fn a_replay_leads_to_its_collisions_and_is_not_compared_with_itself() {
+    let mut harness = with(some());
+    click(&mut harness, "1 collision");
+    assert_eq!(cues(&harness), [PlaybackCommand::Show(20.0)]);
+    let desk = harness.state_mut();
+    desk.scenario = "/runs/straight-1/run-1/run.mcap";
+    desk.lists.runs =
+        vec![entry("/runs/straight-1/run-1", "its own run"), entry("/runs/straight-2/run-1", "another run")];
+    desk.state.runs.comparison.choose();
+    harness.run_steps(3);
+    assert!(harness.query_by_label_contains("another run").is_some());
+    assert!(harness.query_by_label_contains("its own run").is_none());
 }

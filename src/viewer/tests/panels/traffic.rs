@@ -61,7 +61,7 @@ fn the_tip_of_stops_says_what_counts() {
     press(&mut harness, egui::Key::F4);
     harness.set_size(egui::vec2(1600.0, 1200.0));
     harness.run_steps(4);
-    let place = harness.get_all_by_label("Stops").next().unwrap().rect().center();
+    let place = harness.get_all_by_label("Slow stops (< 0.5 m/s)").next().unwrap().rect().center();
     harness.hover_at(place);
     harness.run_steps(10);
     assert!(harness.query_by_label_contains("also where they come to the end of their routes").is_some());

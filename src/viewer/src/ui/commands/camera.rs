@@ -1,20 +1,19 @@
 //! Actions on the camera of the large view.
 
-use super::{Binding, Command, WATCHING, key, registry, shift};
+use super::{Binding, Command, CommandContext, WATCHING, key, registry, shift};
 use crate::ui::CameraMode;
 use egui::Key;
 
 registry!(
-    ORBIT = Command::always("Orbit camera", &[key(Key::Num1)], |c| c.state.set_mode(CameraMode::Orbit))
+    ORBIT = Command::always("Orbit camera", &[key(Key::Num1)], |c| look(c, CameraMode::Orbit))
         .known_as("camera 1 view"),
-    CHASE = Command::always("Chase camera", &[key(Key::Num2)], |c| c.state.set_mode(CameraMode::Chase))
+    CHASE = Command::always("Chase camera", &[key(Key::Num2)], |c| look(c, CameraMode::Chase))
         .known_as("camera 2 view behind third person"),
-    ONBOARD = Command::always("Onboard camera", &[key(Key::Num3)], |c| c.state.set_mode(CameraMode::Onboard))
+    ONBOARD = Command::always("Onboard camera", &[key(Key::Num3)], |c| look(c, CameraMode::Onboard))
         .known_as("camera 3 view driver windscreen first person"),
-    OVERHEAD =
-        Command::always("Overhead camera", &[key(Key::Num4)], |c| c.state.set_mode(CameraMode::Overhead))
-            .known_as("camera 4 view top above bird map"),
-    FREE = Command::always("Free camera", &[key(Key::Num5)], |c| c.state.set_mode(CameraMode::Free))
+    OVERHEAD = Command::always("Overhead camera", &[key(Key::Num4)], |c| look(c, CameraMode::Overhead))
+        .known_as("camera 4 view top above bird map"),
+    FREE = Command::always("Free camera", &[key(Key::Num5)], |c| look(c, CameraMode::Free))
         .known_as("camera 5 view fly"),
     FRAME_SELECTED = Command::always("Frame the selected vehicle", &[key(Key::Z)], |c| {
         let selected = c.state.selection.vehicle;
@@ -31,6 +30,10 @@ registry!(
     FRAME_CITY = Command::always("Frame the whole city", &[], |c| c.state.viewpoint.frame_city(c.shown.map))
         .known_as("zoom fit overview"),
 );
+
+fn look(context: &mut CommandContext<'_, '_>, mode: CameraMode) {
+    context.state.look_by(mode, (context.shown.interpolated, context.now_s));
+}
 
 /// The action of each camera mode, in the order of [`CameraMode::ALL`].
 pub static MODES: [&Command; 5] = [&ORBIT, &CHASE, &ONBOARD, &OVERHEAD, &FREE];

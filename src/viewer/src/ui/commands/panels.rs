@@ -62,7 +62,7 @@ registry!(
         Command::always("Inspector: why the selected vehicle does what it does", &[key(Key::I)], |c| {
             c.state.open.inspector = !c.state.open.inspector;
         })
-        .known_as("reason details yield"),
+        .known_as("reason details yield slow stop wait brake stand is it"),
     LABELS = Command::always("Show or hide labels over vehicles", &[key(Key::L)], |c| {
         c.state.layers.labels = !c.state.layers.labels;
     })

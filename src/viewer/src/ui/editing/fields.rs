@@ -2,7 +2,7 @@
 
 use crate::ui::{DecimalSeparator, theme};
 use city3d_geometry::trig;
-use egui::{ComboBox, Id, RichText, TextEdit, Ui};
+use egui::{ComboBox, Id, Key, RichText, TextEdit, Ui};
 use std::ops::RangeInclusive;
 
 /// A text; `typed` keeps it while the field has the keyboard.
@@ -15,6 +15,31 @@ pub(super) fn text(
     let mut new = typed.take().unwrap_or_else(|| present.to_owned());
     let field = ui.add(TextEdit::singleline(&mut new).desired_width(width)).labelled_by(label);
     if field.lost_focus() {
+        return (new != present).then_some(new);
+    }
+    if field.has_focus() {
+        *typed = Some(new);
+    }
+    None
+}
+
+/// A text that may be longer than its field, which grows with it; otherwise as [`text`]. Enter leaves it: it is one line in the
+/// file.
+pub(super) fn long_text(
+    ui: &mut Ui,
+    (label, width): (Id, f32),
+    present: &str,
+    typed: &mut Option<String>,
+) -> Option<String> {
+    let mut new = typed.take().unwrap_or_else(|| present.to_owned());
+    let field = TextEdit::multiline(&mut new).return_key(None).desired_rows(1).desired_width(width);
+    let field = ui.add(field).labelled_by(label);
+    if field.has_focus() && ui.input(|input| input.key_pressed(Key::Enter)) {
+        field.surrender_focus();
+    }
+    // What is pasted may have several lines.
+    new = new.replace('\n', " ");
+    if field.lost_focus() || (!field.has_focus() && new != present) {
         return (new != present).then_some(new);
     }
     if field.has_focus() {

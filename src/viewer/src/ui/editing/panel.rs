@@ -1,6 +1,6 @@
 //! The panel of the editor: the file, the tools, the selected vehicle, and what is wrong.
 
-use super::fields::text;
+use super::fields::long_text;
 use super::{EditAction, EditTool, EditView, choose, form, push};
 use crate::ui::commands::{Command, EDITING};
 use crate::ui::runs::FilePurpose;
@@ -46,10 +46,10 @@ pub fn show(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>, actions: &m
 
 /// What the card of the scenario says of it.
 fn description(ui: &mut Ui, state: &mut UiState, edit: &EditView<'_>, actions: &mut Vec<UiAction>) {
-    ui.horizontal(|ui| {
+    ui.horizontal_top(|ui| {
         let label = ui.label("Description").on_hover_text("One line, on the card of the scenario").id;
         let width = ui.available_width() - 4.0;
-        let typed = text(ui, (label, width), edit.description, &mut state.editing.description);
+        let typed = long_text(ui, (label, width), edit.description, &mut state.editing.description);
         if let Some(description) = typed {
             push(actions, EditAction::Describe(description));
         }

@@ -50,6 +50,8 @@ impl Default for Layout {
 
 /// Width of the column with the previews, points.
 const RIGHT: f32 = 284.0;
+/// Share of the view that is its middle.
+const MIDDLE: f32 = 0.4;
 /// Height of the bar with the titles, points.
 const TAB_BAR: f32 = 22.0;
 
@@ -128,6 +130,23 @@ impl Layout {
         tiles.filter(|tile| !self.tree.is_visible(*tile)).map(|tile| tile.0).collect()
     }
 
+    /// Where a window that opens by itself hides the least: not the vehicle that the user looks at, without one not the middle
+    /// of the view, and no panel over the city.
+    pub(super) fn place_beside(
+        ui: &Ui,
+        size: Vec2,
+        (state, shown): (&UiState, &ViewModel<'_>),
+    ) -> egui::Pos2 {
+        let window = ui.ctx().content_rect();
+        let city = state.layout.city().unwrap_or(window);
+        let middle = Rect::from_center_size(city.center(), city.size() * MIDDLE);
+        let vehicle = super::city::watched(state, shown, city).unwrap_or(middle);
+        let rects = |panel: &Panel| ui.ctx().memory(|memory| memory.area_rect(window_of(*panel)));
+        let taken: Vec<Rect> = state.layout.lifted.iter().filter_map(rects).collect();
+        let room = Rect::from_x_y_ranges(window.x_range(), city.y_range()).shrink(4.0);
+        FloatingPlaces { city, room, vehicle: Some(vehicle) }.free((None, size), &taken)
+    }
+
     fn city(&self) -> Option<Rect> {
         self.tree.tiles.rect(self.tree.tiles.find_pane(&Panel::City)?)
     }
@@ -148,15 +167,14 @@ impl Layout {
         };
         let is_lifted = |entry: &&PanelEntry| (entry.is_open)(state) && self.is_floating(entry.panel);
         let open: Vec<&PanelEntry> = panels::ALL.iter().filter(is_lifted).collect();
-        let window = |panel: Panel| egui::Id::unique(("floating", panel));
-        let rects = |panel: &Panel| ui.ctx().memory(|memory| memory.area_rect(window(*panel)));
+        let rects = |panel: &Panel| ui.ctx().memory(|memory| memory.area_rect(window_of(*panel)));
         let mut taken: Vec<Rect> = self.lifted.iter().filter_map(rects).collect();
         let was_open = std::mem::replace(&mut self.lifted, open.iter().map(|entry| entry.panel).collect());
         for PanelEntry { panel, title, size, close, show, .. } in open {
             let size = Vec2::from(*size).min(places.room.size());
             let (mut stays_open, mut stays_floating) = (true, true);
             let mut floating = egui::Window::new(*title)
-                .id(window(*panel))
+                .id(window_of(*panel))
                 .open(&mut stays_open)
                 .default_size(size)
                 .resizable(true)
@@ -181,6 +199,11 @@ impl Layout {
             }
         }
     }
+}
+
+/// The window of a panel over the city.
+fn window_of(panel: Panel) -> egui::Id {
+    egui::Id::unique(("floating", panel))
 }
 
 fn dock_button(ui: &mut Ui) -> bool {

@@ -21,7 +21,7 @@ pub const LANE: Color32 = Color32::from_rgb(71, 189, 252);
 pub const MERGE: Color32 = Color32::from_rgb(255, 134, 0);
 pub const CROSSING: Color32 = Color32::from_rgb(206, 44, 90);
 pub const ROUTE: Color32 = Color32::from_rgb(65, 60, 255);
-/// Colour of what the editor's tools are at, and of the route that is drawn.
+/// Colour of the lane that the tools of the editor are at.
 pub const EDITED: Color32 = Color32::from_rgb(255, 220, 90);
 /// Routes on a lane lie beside one another, so far apart, as long as they are no more than this.
 pub const ROUTES_APART: usize = 7;
@@ -133,8 +133,7 @@ fn routes(overlay: &mut Overlay, state: &UiState, shown: &ViewModel<'_>) {
         selected.filter(|_| state.layers.routes || state.layers.all_routes || shown.edit.is_some())
     {
         route(overlay, shown, id, (6.0, paint(Color32::WHITE, 0.8)));
-        let colour = if shown.edit.is_some() { EDITED } else { ROUTE };
-        route(overlay, shown, id, (4.0, paint(colour, 1.0)));
+        route(overlay, shown, id, (4.0, paint(ROUTE, 1.0)));
     }
 }
 

@@ -10,6 +10,7 @@ use city3d_logbook::measures::{MeasurePair, MeasureUnit};
 use city3d_protocol::snapshot::VehicleId;
 use egui::{Align, ComboBox, Layout, RichText, ScrollArea, Ui};
 use egui_extras::{Column, TableBuilder};
+use std::path::{Path, PathBuf};
 
 /// Two runs with their measures.
 #[derive(Clone, Debug, PartialEq)]
@@ -142,13 +143,23 @@ pub(super) fn window(ui: &Ui, state: &mut UiState, shown: &ViewModel<'_>, action
     }
 }
 
+/// Folder of the run that is shown: of a log, which is the scenario then, the one that it lies in.
+fn present_folder(shown: &ViewModel<'_>) -> Option<PathBuf> {
+    let of_log = shown.replay.and_then(|_| Path::new(shown.scenario).parent());
+    absolute(of_log.or(shown.run_state.folder.as_deref())?)
+}
+
+fn absolute(path: &Path) -> Option<PathBuf> {
+    std::path::absolute(path).ok()
+}
+
 /// The recorded runs; returns whether the user looks for another one.
 fn choices(ui: &mut Ui, shown: &ViewModel<'_>, actions: &mut Vec<UiAction>) -> bool {
     ui.label("Which run shall the present one be compared with?");
     let browses = ui.button("Another folder ...").clicked();
     ui.separator();
-    let present = shown.run_state.folder.as_ref();
-    let is_other = |run: &&RunEntry| run.has_summary && Some(&run.folder) != present;
+    let present = present_folder(shown);
+    let is_other = |run: &&RunEntry| run.has_summary && absolute(&run.folder) != present;
     let runs: Vec<&RunEntry> = shown.runs.lists.runs.iter().filter(is_other).collect();
     if runs.is_empty() {
         ui.label(RichText::new("No other run is recorded yet: run again, then compare.").weak());
@@ -205,18 +216,21 @@ fn table(ui: &mut Ui, pairs: &[MeasurePair], (preferences, scale): (Preferences,
                 line.col(|ui| at_right(ui, RichText::new(text).monospace()));
             }
             line.col(|ui| {
-                let text = pair.difference().map(|difference| format!("{:+.digits$}", difference * factor));
-                // No difference is said without a sign.
-                let is_zero = text.as_deref().is_some_and(|text| text.parse() == Ok(0.0));
-                let text = match text {
-                    Some(_) if is_zero => "0".to_owned(),
-                    Some(text) => decimal.written(text),
-                    None => "-".to_owned(),
-                };
+                let text = difference_words(pair.values, (factor, digits));
+                let text = text.map_or_else(|| "-".to_owned(), |text| decimal.written(text));
                 at_right(ui, RichText::new(text).monospace());
             });
         });
     });
+}
+
+/// The difference of two values as they are written, so that the three numbers of a row agree.
+fn difference_words(values: [Option<f64>; 2], (factor, digits): (f64, usize)) -> Option<String> {
+    let written = |value: Option<f64>| format!("{:.digits$}", value? * factor).parse::<f64>().ok();
+    let text = format!("{:+.digits$}", written(values[1])? - written(values[0])?);
+    // No difference is said without a sign.
+    let is_zero = text.parse() == Ok(0.0);
+    Some(if is_zero { "0".to_owned() } else { text })
 }
 
 fn at_right(ui: &mut Ui, text: RichText) {
@@ -263,4 +277,19 @@ fn curves(ui: &mut Ui, choice: &mut CurveChoice, view: CurvesView<'_>) {
             .on_hover_text("A vehicle that both runs have");
     });
     charts::draw_over_time(ui, figure);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::difference_words;
+
+    #[test]
+    fn a_difference_is_that_of_the_numbers_beside_it() {
+        let of = |a: f64, b: f64, digits| difference_words([Some(a), Some(b)], (1.0, digits)).unwrap();
+        assert_eq!(of(11.24, 11.26, 1), "+0.1", "11.2 and 11.3");
+        assert_eq!(of(11.26, 11.24, 1), "-0.1");
+        assert_eq!(of(11.16, 11.24, 1), "0", "11.2 twice");
+        assert_eq!((of(3.0, 5.0, 0).as_str(), of(5.0, 5.0, 0).as_str()), ("+2", "0"));
+        assert_eq!(difference_words([None, Some(1.0)], (1.0, 1)), None);
+    }
 }

@@ -1,7 +1,7 @@
 //! The card of a finished run: what came of it, and what to do next.
 
 use super::super::traffic;
-use super::super::{CityKind, DecimalSeparator, UiAction, UiState, ViewModel};
+use super::super::{CityKind, DecimalSeparator, Layout, UiAction, UiState, ViewModel};
 use super::RunAgain;
 use super::fields::{environment, seed};
 use city3d_logbook::figures::some_names;
@@ -10,11 +10,13 @@ use city3d_protocol::snapshot::Status;
 use city3d_session::{Order, RunPhase};
 use city3d_simulation::environment::EnvironmentProfile;
 use city3d_simulation::measures::{TrafficMeasures, TrafficReport};
-use egui::{Grid, RichText, TextEdit, Ui};
+use egui::{Align2, Grid, RichText, TextEdit, Ui, Vec2};
 
 /// In place of measures that a run does not have.
 const NO_THROUGHPUT: &str = "none: fewer than two arrivals counted";
 const NO_DELAY: &str = "none: no vehicle has a known way";
+/// About its size, points.
+const SIZE: Vec2 = Vec2::new(446.0, 340.0);
 /// Vehicles that drive less have not moved.
 const MOVES_M: f64 = 0.1;
 
@@ -27,6 +29,8 @@ pub struct EndCard {
     asked: Option<u32>,
     /// The run whose card is shown.
     shown: Option<u32>,
+    /// The run whose card has its place.
+    placed: Option<u32>,
     /// The seed of the next run as it is typed, and the run after which it is.
     seed: (String, Option<u32>),
     /// Environment of the next run; `None` for that of this one.
@@ -48,6 +52,7 @@ impl EndCard {
     pub fn close(&mut self) {
         self.asked = None;
         self.closed = self.shown.take().or(self.closed);
+        self.placed = None;
     }
 }
 
@@ -70,6 +75,10 @@ pub(super) fn window(ui: &Ui, state: &mut UiState, shown: &ViewModel<'_>, action
         card.seed = (outcome.seed.wrapping_add(1).to_string(), Some(run_state.run));
         card.environment = None;
     }
+    let place =
+        (card.placed != Some(run_state.run)).then(|| Layout::place_beside(ui, SIZE, (&*state, shown)));
+    let card = &mut state.runs.end_card;
+    card.placed = card.shown;
     let measures = RunMeasures::of(outcome);
     let units = state.preferences.units;
     let decimal = state.preferences.decimal;
@@ -77,7 +86,9 @@ pub(super) fn window(ui: &Ui, state: &mut UiState, shown: &ViewModel<'_>, action
     let mean_speed = format!("{mean_speed} {}", units.label());
     let mut is_open = true;
     let mut compares = false;
-    let window = super::super::sheet(ui, "Run finished").collapsible(false).open(&mut is_open);
+    let window = super::super::sheet(ui, "Run finished").pivot(Align2::LEFT_TOP).open(&mut is_open);
+    // Where it hides nothing at first; the user may move it.
+    let window = if let Some(place) = place { window.current_pos(place) } else { window };
     window.show(ui.ctx(), |ui| {
         ui.set_max_width(430.0);
         ui.label(format!(
@@ -130,7 +141,7 @@ pub(super) fn window(ui: &Ui, state: &mut UiState, shown: &ViewModel<'_>, action
 /// What a measure is, in the words of the panel Traffic.
 fn tip_of(name: &str) -> Option<&'static str> {
     match name {
-        "Stops" => Some(traffic::STOPS),
+        traffic::SLOW_STOPS => Some(traffic::STOPS),
         "Throughput" => Some(traffic::FLOW),
         "Mean delay" => Some(traffic::DELAY),
         _ => None,
@@ -158,7 +169,7 @@ fn results(
             ui.end_row();
         };
         row("Collisions", measures.collisions.to_string(), measures.collisions > 0);
-        row("Stops", measures.stops().to_string(), false);
+        row(traffic::SLOW_STOPS, measures.stops().to_string(), false);
         row("Mean speed", mean_speed.to_owned(), false);
         let number = |value: Option<f64>, digits: usize, unit: &str| {
             value.map_or_else(|| "-".to_owned(), |value| format!("{} {unit}", decimal.fixed(value, digits)))
@@ -190,7 +201,11 @@ fn results(
                 zones.iter().filter_map(|of| Some(of.mean_delay_s? * f64::from(of.count))).sum();
             let delay_s = (passages > 0).then(|| delay_s / f64::from(passages));
             let stops: u32 = zones.iter().map(|of| of.stops).sum();
-            row("In control zones", format!("{stops} stops, mean delay {}", number(delay_s, 1, "s")), false);
+            row(
+                "In control zones",
+                format!("{stops} slow stops, mean delay {}", number(delay_s, 1, "s")),
+                false,
+            );
         }
     });
 }

@@ -15,7 +15,7 @@ pub use end_card::EndCard;
 pub use fields::OpenFields;
 pub use file_panel::{FilePanel, FilePurpose};
 pub use folder::{EntryKind, FileFilter, has_run, kind_of};
-pub use question::{Problem, ResetQuestion};
+pub use question::{LeaveQuestion, Problem, ResetQuestion};
 pub use start_page::StartPage;
 
 use super::{CityKind, UiAction, UiState, ViewModel};
@@ -92,6 +92,8 @@ pub struct RunPanels {
     pub files: Option<FilePanel>,
     /// The question whether the run shall be reset.
     pub question: Option<ResetQuestion>,
+    /// The question whether changes of the scenario shall be saved.
+    pub leaving: Option<LeaveQuestion>,
     /// Something that could not be opened.
     pub problem: Option<Problem>,
     /// The card of a finished run.
@@ -105,7 +107,11 @@ pub struct RunPanels {
 impl RunPanels {
     /// Whether a panel is open that has the keyboard to itself.
     pub fn is_modal(&self) -> bool {
-        self.start_page.is_open || self.files.is_some() || self.question.is_some() || self.problem.is_some()
+        self.start_page.is_open
+            || self.files.is_some()
+            || self.question.is_some()
+            || self.leaving.is_some()
+            || self.problem.is_some()
     }
 
     /// Shows the panel that opens files.
@@ -127,6 +133,7 @@ pub(super) fn show(ui: &Ui, state: &mut UiState, shown: &ViewModel<'_>, actions:
     start_page::show(ui, state, shown, actions);
     file_panel::show(ui, &mut state.runs, shown.runs.lists, actions);
     question::reset(ui, &mut state.runs, actions);
+    question::leave(ui, &mut state.runs, actions);
     question::problem(ui, &mut state.runs);
 }
 

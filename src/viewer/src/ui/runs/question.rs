@@ -13,6 +13,19 @@ pub struct ResetQuestion {
     pub is_new: bool,
 }
 
+/// Something that ends the editor while changes are not saved.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LeaveQuestion {
+    /// What ends it.
+    pub then: UiAction,
+    /// Name of the scenario.
+    pub name: String,
+    /// It has a file to be saved in.
+    pub has_file: bool,
+    /// It has just come up: its button takes the keyboard.
+    pub is_new: bool,
+}
+
 /// Something that could not be done.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Problem {
@@ -65,6 +78,42 @@ pub(super) fn reset(ui: &Ui, panels: &mut RunPanels, actions: &mut Vec<UiAction>
     });
     if is_done || modal.should_close() {
         panels.question = None;
+    }
+}
+
+/// Asks before changes of a scenario are left without being saved.
+pub(super) fn leave(ui: &Ui, panels: &mut RunPanels, actions: &mut Vec<UiAction>) {
+    let Some(question) = &mut panels.leaving else { return };
+    let (mut is_done, mut saves_as) = (false, false);
+    let modal = Modal::new(Id::unique("leave")).show(ui.ctx(), |ui| {
+        ui.set_width(WIDTH.min(ui.ctx().content_rect().width() - 40.0));
+        ui.heading(format!("Save the changes of {}?", question.name));
+        ui.add_space(4.0);
+        ui.label("The scenario was changed, and is not saved.");
+        ui.add_space(8.0);
+        ui.horizontal(|ui| {
+            let save = ui.button(if question.has_file { "Save" } else { "Save as ..." });
+            if std::mem::take(&mut question.is_new) {
+                save.request_focus();
+            }
+            let leaves = ui.button("Leave without saving");
+            let leaves = leaves.on_hover_text("What was changed is kept in a file beside the recorded runs");
+            let leave = |saves| UiAction::Leave { then: Box::new(question.then.clone()), saves };
+            if save.clicked() && question.has_file {
+                actions.push(leave(true));
+            } else if leaves.clicked() {
+                actions.push(leave(false));
+            }
+            saves_as = save.clicked() && !question.has_file;
+            let stays = ui.button("Cancel").on_hover_text("Go on editing (Esc)").clicked();
+            is_done |= stays || save.clicked() || leaves.clicked();
+        });
+    });
+    if is_done || modal.should_close() {
+        panels.leaving = None;
+    }
+    if saves_as {
+        panels.browse(FilePurpose::SaveScenario { runs: false });
     }
 }
 

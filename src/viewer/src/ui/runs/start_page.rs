@@ -182,9 +182,17 @@ fn card(ui: &mut Ui, scenario: &ScenarioChoice) -> Response {
         ui.visuals().text_color(),
         rect.width() - 12.0,
     );
-    job.wrap.max_rows = 2;
+    // Whoever points at the card, or has come to it by the keyboard, reads all of it, over its picture.
+    let is_whole = response.hovered() || response.has_focus();
+    job.wrap.max_rows = if is_whole { usize::MAX } else { 2 };
     let about = painter.layout_job(job);
-    painter.galley(title.left_bottom() + Vec2::new(0.0, 1.0), about, ui.visuals().text_color());
+    let below_title = title.left_bottom() + Vec2::new(0.0, 1.0);
+    let top = below_title.y.min(rect.bottom() - about.size().y - 3.0);
+    if top < below_title.y {
+        let ground = Rect::from_min_max(egui::pos2(rect.left(), top - 3.0), rect.max);
+        painter.rect_filled(ground, 4.0, visuals.bg_fill);
+    }
+    painter.galley(egui::pos2(below_title.x, top), about, ui.visuals().text_color());
     let edge = if response.has_focus() { ui.visuals().selection.stroke } else { visuals.bg_stroke };
     painter.rect_stroke(rect, 4.0, edge, StrokeKind::Inside);
     if response.has_focus() || response.hovered() {

@@ -11,6 +11,7 @@ pub use contrast::vision;
 pub use decimal::{DecimalSeparator, typed};
 pub use preferences::{Preferences, SCALES, SpeedUnit, StatusColours, Theme};
 
+use city3d_geometry::trig;
 use city3d_protocol::snapshot::Status;
 use egui::{Color32, Context, FontId, Id, Rangef, Stroke, TextStyle, Ui, Visuals};
 use egui_plot::AxisHints;
@@ -73,7 +74,11 @@ pub fn small_axis(ui: &Ui, axis: AxisHints<'static>) -> AxisHints<'static> {
 pub fn value_axis(ui: &Ui) -> AxisHints<'static> {
     let decimal = decimal(ui.ctx());
     let axis = small_axis(ui, AxisHints::new_y()).min_thickness(28.0);
-    axis.formatter(move |mark, _| decimal.plain(mark.value))
+    axis.formatter(move |mark, _| {
+        // Multiples of a step have its decimals.
+        let decimals = (-trig::log10(mark.step_size)).ceil().clamp(0.0, 3.0) as usize;
+        decimal.fixed(mark.value + 0.0, decimals)
+    })
 }
 
 /// A field for a number, which takes a decimal point and a decimal comma.

@@ -413,8 +413,33 @@ fn the_camera_rises_over_a_house_that_hides_the_followed_vehicle_and_comes_down_
         let frames = (0..200).take_while(|_| viewpoint.keep_in_sight(&seen, &walls, 0.033)).count();
         assert!((3..100).contains(&frames), "it rises, and rests: {frames}");
         assert!(!hidden(&viewpoint) && sees(&viewpoint, &seen), "{mode:?}");
+        let eye = viewpoint.view(&seen, [400, 300]).extrinsics.position;
+        let vehicle = seen.vehicles[0].position + DVec3::Z;
+        assert!(!occlusion::is_occluded_up_to(eye, vehicle, (&walls, 2.0)), "over the roof, too: {mode:?}");
         while viewpoint.keep_in_sight(&seen, &[], 0.033) {}
         let again_m = viewpoint.view(&seen, [400, 300]).extrinsics.position.z;
         assert!((again_m - low_m).abs() < 1e-6, "{mode:?}: {low_m} {again_m}");
     }
+}
+
+#[test]
+fn the_camera_has_risen_before_the_followed_vehicle_is_hidden() {
+    let mut seen = snapshot(10.0);
+    (seen.vehicles[0].speed_mps, seen.vehicles[0].orientation) = (10.0, DQuat::IDENTITY);
+    let mut viewpoint = Viewpoint::around(&seen);
+    viewpoint.follow(Some(&seen.vehicles[0]));
+    while viewpoint.ease(0.1) {}
+    viewpoint.update(&seen);
+    let eye = viewpoint.view(&seen, [400, 300]).extrinsics.position;
+    // Beside the line of sight of now, and across that of half a second later.
+    let at = |share: f64, ahead_m: f64| {
+        eye.lerp(seen.vehicles[0].position, share).truncate().as_vec2() + glam::Vec2::new(ahead_m as f32, 0.0)
+    };
+    let wall = Wall { from: at(0.6, 2.0), to: at(0.6, 12.0), height_m: 30.0 };
+    assert!(!occlusion::is_occluded(eye, seen.vehicles[0].position + DVec3::Z, &[wall]));
+    assert!(viewpoint.keep_in_sight(&seen, &[wall], 0.033), "it rises already");
+    seen.vehicles[0].speed_mps = 0.0;
+    while viewpoint.keep_in_sight(&seen, &[wall], 0.033) {}
+    let later = viewpoint.view(&seen, [400, 300]).extrinsics.position;
+    assert!((later - eye).length() < 1e-6, "who stands will not be hidden");
 }

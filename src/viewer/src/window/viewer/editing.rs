@@ -2,8 +2,8 @@
 
 use super::{ViewedRun, ViewerState, WindowRequest};
 use crate::ui::commands::EDITING;
-use crate::ui::runs::{FilePurpose, OpenRequest, Problem};
-use crate::ui::{EditAction, EditTool};
+use crate::ui::runs::{FilePurpose, LeaveQuestion, OpenRequest, Problem};
+use crate::ui::{EditAction, EditTool, UiAction};
 use crate::window::editor::{ScenarioEditor, keep_unsaved};
 use crate::window::opening::Opening;
 use crate::window::settings::runs_folder;
@@ -98,6 +98,35 @@ impl ViewerState {
                 false
             }
         }
+    }
+
+    /// Asks before an action that would leave changes of the scenario without saving them; returns whether it does. Who closes
+    /// the window once more while it asks has answered.
+    pub fn asks_before(&mut self, action: &UiAction) -> bool {
+        let leaves = matches!(
+            action,
+            UiAction::Scenario(_)
+                | UiAction::Open(_)
+                | UiAction::Replay
+                | UiAction::RunAgain(_)
+                | UiAction::Quit
+        );
+        let Some(editor) = self.editor.as_ref().filter(|editor| leaves && editor.is_changed()) else {
+            return false;
+        };
+        if self.state.runs.leaving.as_ref().is_some_and(|question| question.then == *action) {
+            return false;
+        }
+        let name = editor.view().name.to_owned();
+        let has_file = editor.file().is_some();
+        self.state.runs.leaving = Some(LeaveQuestion { then: action.clone(), name, has_file, is_new: true });
+        true
+    }
+
+    /// Saves what is edited in its file; returns whether it is saved.
+    pub(super) fn save_edited(&mut self, now_s: f64) -> bool {
+        let file = self.editor.as_ref().and_then(ScenarioEditor::file).map(Path::to_path_buf);
+        file.is_some_and(|file| self.save(&file, now_s))
     }
 
     /// Saves what is edited, and runs it.

@@ -2,15 +2,25 @@
 //! run again.
 
 use super::{ViewedRun, ViewerState};
+use city3d_session::RunPhase;
 use city3d_simulation::scenario::{Experiment, Library, Overrides, ScenarioRequest, shipped_scenarios};
 use std::path::{Path, PathBuf};
 
 impl ViewerState {
-    /// Where files that are made of the run go: beside its log, or into the working folder where it has none.
+    /// Where files that are made of the run go: beside its log, or into the working folder where it has none. A run that waits
+    /// for its start gets its folder now, so that nothing of it lies beside the log of the run before.
     pub fn files_folder(&self) -> PathBuf {
         let folder = match &self.source {
             ViewedRun::Log(_) => Path::new(&self.request.scenario).parent().map(Path::to_path_buf),
-            ViewedRun::Run(_) | ViewedRun::Ended(_) => self.run_state().folder.clone(),
+            ViewedRun::Run(_) | ViewedRun::Ended(_) => {
+                let run_state = self.run_state();
+                let waits = run_state.phase == RunPhase::Ready;
+                if let Some(next) = run_state.next_folder.as_ref().filter(|_| waits) {
+                    // Where it cannot be made, the working folder takes the file.
+                    let _ = std::fs::create_dir_all(next);
+                }
+                if waits { run_state.next_folder.clone() } else { run_state.folder.clone() }
+            }
         };
         let may_write = |folder: &PathBuf| {
             folder.metadata().is_ok_and(|found| found.is_dir() && !found.permissions().readonly())

@@ -81,7 +81,7 @@ impl ViewerState {
     }
 }
 
-/// The state as it is shown: at its start nothing moves yet, whatever speeds vehicles will start with; in a log and in the
+/// The state as it is shown: at its start all vehicles wait, with the speeds that they will start with; in a log and in the
 /// past of a run as before the run has begun.
 pub(super) fn before_start(run_state: Arc<RunState>) -> Arc<RunState> {
     let is_at_start = run_state.phase == RunPhase::Ready || run_state.now.tick == 0;
@@ -93,7 +93,7 @@ pub(super) fn before_start(run_state: Arc<RunState>) -> Arc<RunState> {
         let is_of_run =
             |vehicle: &&mut VehicleState| !matches!(vehicle.status, Status::Physical | Status::Unseen);
         for vehicle in snapshot.vehicles.iter_mut().filter(is_of_run) {
-            (vehicle.status, vehicle.speed_mps) = (Status::Waiting, 0.0);
+            vehicle.status = Status::Waiting;
         }
         Arc::new(snapshot)
     };

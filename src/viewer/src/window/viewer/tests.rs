@@ -15,7 +15,7 @@ use city3d_protocol::snapshot::{Status, VehicleId};
 use city3d_sensors::Weather;
 use city3d_session::Order;
 use city3d_simulation::environment::EnvironmentProfile;
-use city3d_simulation::scenario::{Overrides, ScenarioChange};
+use city3d_simulation::scenario::{Library, Overrides, ScenarioChange};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
@@ -247,11 +247,28 @@ fn a_run_that_is_not_recorded_says_that_a_reset_loses_it() {
 }
 
 #[test]
-fn before_its_start_nothing_drives() {
+fn what_is_made_before_a_run_starts_goes_into_the_folder_of_that_run() {
+    let folder = tempfile::tempdir().unwrap();
+    let run = |number: u32| folder.path().join(format!("run-{number}"));
+    let mut viewer = viewer(request("straight", 1.0), LogLocation::In(folder.path().to_path_buf()));
+    assert_eq!(viewer.files_folder(), run(1), "it is made for the file");
+    assert_eq!(run_to_end(&mut viewer).folder, Some(run(1)));
+    assert_eq!(viewer.files_folder(), run(1));
+    viewer.send(Order::Reset);
+    wait(&viewer, "the next run", |state| state.phase == RunPhase::Ready);
+    assert_eq!(viewer.files_folder(), run(2), "not beside the log of the run before");
+    std::fs::write(run(2).join("straight-0.00s.mp4"), "a video").unwrap();
+    assert_eq!(run_to_end(&mut viewer).folder, Some(run(2)));
+    viewer.close().unwrap();
+    assert!(run(2).join("straight-0.00s.mp4").is_file() && run(2).join("summary.json").is_file());
+}
+
+#[test]
+fn before_its_start_nobody_drives() {
     let mut viewer = viewer(request("roundabout", 5.0), LogLocation::Nowhere);
     pass(&mut viewer);
-    let told: Vec<_> = viewer.interpolated.vehicles.iter().map(|v| (v.status, v.speed_mps)).collect();
-    assert!(told.len() == 6 && told.iter().all(|told| *told == (Status::Waiting, 0.0)), "{told:?}");
+    let told: Vec<_> = viewer.interpolated.vehicles.iter().map(|v| v.status).collect();
+    assert_eq!(told, [Status::Waiting; 6]);
     viewer.send(Order::Step);
     wait(&viewer, "a step", |state| state.now.tick == 1);
     pass(&mut viewer);
@@ -436,12 +453,18 @@ fn the_start_is_shown_the_same_before_the_run_and_in_its_past() {
         let vehicle = &viewer.interpolated.vehicles[0];
         (viewer.interpolated.tick, vehicle.status, vehicle.speed_mps)
     };
-    assert_eq!(shown(&mut viewer), (0, Status::Waiting, 0.0));
+    let start = shown(&mut viewer);
+    assert!(
+        start.0 == 0 && start.1 == Status::Waiting && start.2 > 1.0,
+        "with the speed of the run: {start:?}"
+    );
     run_to_end(&mut viewer);
     let (_, status, speed_mps) = shown(&mut viewer);
     assert!(status == Status::Driving && speed_mps > 1.0, "{status:?} {speed_mps}");
     viewer.act(vec![UiAction::PlaybackCommand(PlaybackCommand::Seek(0.0))], 0.0);
-    assert_eq!(shown(&mut viewer), (0, Status::Waiting, 0.0));
+    assert_eq!(shown(&mut viewer), start);
+    let charted = viewer.history.states()[0].vehicles().next().unwrap().0.speed_mps;
+    assert_eq!(charted, start.2, "table and charts agree");
 }
 
 #[test]
@@ -475,4 +498,27 @@ fn the_run_waits_while_its_scenario_is_edited() {
     assert!(viewer.state.notice.as_ref().unwrap().0.contains("is edited") && !viewer.past.is_past());
     viewer.act(vec![UiAction::Edit(EditAction::End), UiAction::Order(Order::Step)], 0.0);
     wait(&viewer, "a step", |state| state.now.tick == 1);
+}
+
+#[test]
+fn changes_that_are_not_saved_are_asked_about_before_they_are_left() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("mine.toml");
+    let mut viewer = viewer(request("straight", 3.0), LogLocation::Nowhere);
+    let begin = [EditAction::Begin, EditAction::SaveAs(file.clone())].map(UiAction::Edit);
+    viewer.act(begin.into(), 0.0);
+    assert_eq!(viewer.act(vec![UiAction::Quit], 0.0), [WindowRequest::Quit], "all is saved");
+    viewer.act(vec![UiAction::Edit(EditAction::Describe("Another one".to_owned()))], 0.0);
+    for action in [UiAction::Quit, UiAction::Scenario("roundabout".to_owned())] {
+        assert!(viewer.act(vec![action.clone()], 0.0).is_empty(), "it asks first");
+        let question = viewer.state.runs.leaving.take().unwrap();
+        assert!(question.name.contains("mine") && question.has_file && question.then == action);
+        let leave = UiAction::Leave { then: Box::new(action), saves: false };
+        assert_eq!(viewer.act(vec![leave], 0.0).len(), 1, "the user was asked");
+    }
+    assert!(!std::fs::read_to_string(&file).unwrap().contains("Another one"));
+    let leave = UiAction::Leave { then: Box::new(UiAction::Quit), saves: true };
+    assert_eq!(viewer.act(vec![leave], 0.0), [WindowRequest::Quit]);
+    assert!(std::fs::read_to_string(&file).unwrap().contains("Another one"));
+    assert_eq!(viewer.state.runs.leaving, None);
 }
