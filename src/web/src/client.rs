@@ -178,7 +178,8 @@ impl Page<'_> {
             return Err(Parting::WrongToken);
         }
         self.may_order = Some(may_order);
-        let welcome = json!({ "t": "welcome", "version": env!("CARGO_PKG_VERSION"), "may_order": may_order,
+        let is_log = self.shared.control.head().is_some();
+        let welcome = json!({ "t": "welcome", "version": env!("CARGO_PKG_VERSION"), "may_order": may_order, "is_log": is_log,
             "has_pictures": self.shared.pictures.are_drawn(), "no_pictures": self.shared.pictures.failure() });
         self.send_text(welcome.to_string().into()).await?;
         let map = Utf8Bytes::from(&*self.shared.map);
@@ -193,6 +194,7 @@ impl Page<'_> {
             PageMessage::Reset => control.order(Order::Reset),
             PageMessage::Step => control.order(Order::Step),
             PageMessage::Speed { factor } => control.order(Order::Speed(Speed::times(factor))),
+            PageMessage::Seek { time_s } => control.seek(time_s),
             PageMessage::Release => self.release(),
             PageMessage::Drive { vehicle, pedals } => {
                 return self.drive(VehicleId(vehicle), pedals.pedals()).await;
@@ -205,6 +207,9 @@ impl Page<'_> {
     async fn drive(&mut self, vehicle: VehicleId, pedals: Pedals) -> Result<(), Parting> {
         if self.driven.is_some_and(|(driven, _)| driven != vehicle) {
             self.release();
+        }
+        if self.shared.control.head().is_some() {
+            return self.say("this is a log: nobody drives in it").await;
         }
         if !self.shared.control.drive(self.number, vehicle, pedals) {
             return self.say("somebody else drives this vehicle").await;

@@ -1,12 +1,12 @@
 //! The server: its thread, its connections, and the end of the session that counts for it.
 
 use crate::client;
-use crate::control::Control;
+use crate::control::{Control, PageOrders};
 use crate::counters::{Counters, WebCounts};
 use crate::feed::{self, Feed, Told};
 use crate::http::{self, Answer, MAX_HEAD_BYTES};
 use crate::pictures::Pictures;
-use city3d_session::{End, EndHealth, Moment, OrderSender, PublishedState, Token};
+use city3d_session::{End, EndHealth, Moment, PublishedState, Token};
 use city3d_simulation::scenario::Experiment;
 use std::io;
 use std::net::{SocketAddr, TcpListener, ToSocketAddrs};
@@ -39,8 +39,8 @@ pub struct WebOptions {
     pub token: Token,
     /// The experiment that runs.
     pub experiment: Arc<Experiment>,
-    /// Gives the session its orders.
-    pub orders: OrderSender,
+    /// Takes the orders of pages.
+    pub orders: PageOrders,
 }
 
 /// Why the page cannot be served.
@@ -240,7 +240,7 @@ async fn tell(shared: &Shared) {
         let is_new =
             last.as_ref().is_none_or(|(before, told_to)| !Arc::ptr_eq(before, &state) || *told_to != pages);
         if is_new && pages > 0 {
-            shared.told.send_replace(Some(feed.tell(&state, pages)));
+            shared.told.send_replace(Some(feed.tell(&state, pages, shared.control.head())));
             last = Some((state, pages));
         }
     }

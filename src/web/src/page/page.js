@@ -4,6 +4,7 @@ const $ = (id) => document.getElementById(id);
 const LARGE = 0, SMALL = 1;
 const token = location.hash.slice(1);
 let socket = null, mayOrder = false, hasPictures = false, offered = token, wait = 250;
+let isLog = false, told = null;
 let map = null, state = null, roster = new Map(), selected = null, sortBy = 'id', sortDown = false, refusals = null;
 const camera = { x: 0, y: 0, scale: 1, isSet: false, isMoved: false };
 const orbit = { azimuth: 220, elevation: 35, distance: 120 };
@@ -39,8 +40,11 @@ function connect() {
 function hear(message) {
   if (message.t === 'welcome') {
     wait = 250;
-    [mayOrder, hasPictures] = [message.may_order, message.has_pictures];
-    for (const id of ['start', 'pause', 'reset', 'speed']) $(id).disabled = !mayOrder;
+    [mayOrder, hasPictures, isLog] = [message.may_order, message.has_pictures, message.is_log];
+    for (const id of ['start', 'pause', 'reset', 'speed', 'seek']) $(id).disabled = !mayOrder;
+    $('start').textContent = isLog ? 'Play' : 'Start';
+    $('timeline').hidden = !isLog;
+    $('reset').hidden = $('drive').hidden = isLog;
     $('drive').disabled = !mayOrder || selected === null;
     $('mode').disabled = !hasPictures;
     if (message.no_pictures) notice(`No pictures: ${message.no_pictures}`);
@@ -54,7 +58,9 @@ function hear(message) {
     roster = new Map(message.vehicles.map(([id, name, length, width]) => [id, { name, length, width }]));
     tabulate();
   } else if (message.t === 'events') {
-    listEvents(message);
+    told = message;
+    listEvents();
+    markEvents();
   } else if (message.t === 'state') {
     state = message;
     requestAnimationFrame(draw);
@@ -295,6 +301,7 @@ let tabulatedAt = 0;
 function tell() {
   const leader = state.leader ? `, led by ${state.leader}` : '';
   $('status').textContent = `${state.ended ? 'ended' : state.phase} at ${state.time.toFixed(1)} s, ${state.vehicles.length} vehicles${leader}${mayOrder ? '' : ' (watching)'}`;
+  showTime();
   if (refusals !== null && state.refusal && state.refusal[0] !== refusals) notice(state.refusal[1]);
   refusals = state.refusal ? state.refusal[0] : 0;
   const own = state.vehicles.find((v) => v[0] === selected);
@@ -308,7 +315,9 @@ function tell() {
   tabulatedAt = performance.now();
   tabulate();
   const mean = state.vehicles.reduce((sum, v) => sum + v[4], 0) / Math.max(1, state.vehicles.length);
-  const facts = [['mean speed', `${mean.toFixed(2)} m/s`], ['real-time factor', state.rate], ['run', state.run], ['pages', state.pages],
+  const facts = [['mean speed', `${mean.toFixed(2)} m/s`],
+    ...(isLog ? [['speed of the playback', `${state.speed} times`]] : [['real-time factor', state.rate], ['run', state.run]]),
+    ['pages', state.pages],
     ...state.ends.map(([name, delivered, dropped, failure]) => [name, failure ?? `${delivered} sent, ${dropped} dropped`])];
   $('metrics').replaceChildren(...facts.flatMap(([name, text]) => {
     const [term, detail] = [document.createElement('dt'), document.createElement('dd')];
@@ -317,12 +326,50 @@ function tell() {
   }));
 }
 
-function listEvents({ events }) {
+// Of a log all events are known; those up to the shown time are listed.
+let listed = '';
+function listEvents() {
+  const events = isLog ? told.events.filter(([time]) => time <= (state?.time ?? 0) + 0.005) : told.events;
+  const present = `${told.count} ${events.length}`;
+  if (isLog && listed === present) return;
+  listed = present;
   $('events').replaceChildren(...events.slice(-60).reverse().map(([time, id, what]) => {
     const item = document.createElement('li');
     item.textContent = `${time.toFixed(1)} s ${roster.get(id)?.name ?? id}: ${what}`;
     return item;
   }));
+}
+
+// Timeline of a log
+
+function markEvents() {
+  if (!isLog) return;
+  $('marks').replaceChildren(...told.events.slice(0, 300).map(([time]) => {
+    const option = document.createElement('option');
+    option.value = time;
+    return option;
+  }));
+}
+
+let isSeeking = false, soughtAt = 0;
+function showTime() {
+  if (!state.log) return;
+  const [from, to, at] = state.log;
+  [$('seek').min, $('seek').max] = [from, to];
+  if (!isSeeking) $('seek').value = at;
+  $('at').textContent = `${(isSeeking ? Number($('seek').value) : at).toFixed(1)} of ${to.toFixed(1)} s`;
+  if (told) listEvents();
+}
+
+$('seek').oninput = () => {
+  isSeeking = true;
+  if (performance.now() - soughtAt > 80) sought();
+};
+$('seek').onchange = () => { isSeeking = false; sought(); };
+function sought() {
+  soughtAt = performance.now();
+  notice('');
+  send({ t: 'seek', time_s: Number($('seek').value) });
 }
 
 // Experiment and driving
