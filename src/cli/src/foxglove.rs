@@ -3,7 +3,7 @@
 use crate::Failure;
 use crate::say::say;
 use crate::served_at::ServedAt;
-use city3d_foxglove::{FoxgloveEnd, FoxgloveOptions, FoxgloveServer};
+use city3d_foxglove::{FoxgloveEnd, FoxgloveOptions, FoxgloveServer, PATIENCE};
 use city3d_logbook::record::LogOrigin;
 use city3d_session::{Session, SessionHandle, Source};
 use city3d_simulation::scenario::Experiment;
@@ -66,6 +66,7 @@ impl FoxgloveArgs {
             origin: city.origin,
             snapshot_hz: city.snapshot_hz,
             orders,
+            patience: PATIENCE,
         };
         let (server, end) = FoxgloveServer::start(options).map_err(Failure::bad_input)?;
         at.bound("Foxglove", server.address());

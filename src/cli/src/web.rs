@@ -44,7 +44,7 @@ impl WebArgs {
 pub fn start(at: &mut ServedAt, orders: PageOrders, city: &PagedCity<'_>) -> Result<WebServer, Failure> {
     let ServedAt { address, token } = at.clone();
     let experiment = Arc::clone(city.experiment);
-    let options = WebOptions { address, token, experiment, orders };
+    let options = WebOptions::new(address, token, experiment, orders);
     let server = WebServer::start(options).map_err(Failure::bad_input)?;
     at.bound("the web page", server.address());
     #[cfg(feature = "render")]

@@ -32,6 +32,17 @@ pub enum ListenError {
     Thread(io::Error),
 }
 
+/// How long a server waits for its peers.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Patience {
+    /// For the request of a peer, and its first message where it has to send one.
+    pub request: Duration,
+    /// For a peer that has to read what it is sent.
+    pub send: Duration,
+    /// For any sign of life.
+    pub silence: Duration,
+}
+
 /// A bound address that nobody listens on yet.
 #[derive(Debug)]
 pub struct BoundListener {
@@ -139,7 +150,7 @@ async fn accept<S: Future<Output = ()> + Send + 'static>(
             continue;
         };
         let Ok(place) = Arc::clone(&room).try_acquire_owned() else {
-            PeerCounters::add(&counters.refused, 1);
+            count(&counters.refused, 1);
             continue;
         };
         // Larger buffers and later packets work too.
@@ -151,6 +162,11 @@ async fn accept<S: Future<Output = ()> + Send + 'static>(
             drop(place);
         });
     }
+}
+
+/// Counts more.
+pub fn count(counter: &AtomicU64, more: u64) {
+    counter.fetch_add(more, Ordering::Relaxed);
 }
 
 /// What a server has sent to its peers, refused and dropped.
@@ -168,11 +184,6 @@ pub struct PeerCounters {
 }
 
 impl PeerCounters {
-    /// Counts more.
-    pub fn add(counter: &AtomicU64, count: u64) {
-        counter.fetch_add(count, Ordering::Relaxed);
-    }
-
     /// A peer has connected.
     pub fn enter(&self) {
         self.connected.fetch_add(1, Ordering::Relaxed);

@@ -6,6 +6,8 @@ use super::{Moment, MomentKind};
 use city3d_protocol::snapshot::{FrameSnapshot, VehicleId};
 use city3d_render::{Image, RenderError, Renderer};
 use city3d_sensors::{Camera, Lens, Mount, View};
+use image::ExtendedColorType;
+use image::codecs::jpeg::JpegEncoder;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::mpsc::{Sender, channel};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
@@ -64,9 +66,27 @@ pub enum PictureError {
     /// The operating system refuses a thread.
     #[error("no thread for onboard pictures can be started: {0}")]
     Thread(Box<dyn std::error::Error + Send + Sync>),
+    /// A picture cannot be encoded.
+    #[error("a picture cannot be encoded: {0}")]
+    Encode(#[from] image::ImageError),
     /// The thread that draws has panicked.
     #[error("the thread that draws has ended early")]
     Ended,
+}
+
+/// A picture as a JPEG file; the quality is 1 to 100.
+///
+/// # Errors
+/// Where it is too large for the format.
+pub fn jpeg(image: &Image, quality: u8) -> Result<Vec<u8>, PictureError> {
+    let mut bytes = Vec::new();
+    JpegEncoder::new_with_quality(&mut bytes, quality).encode(
+        &image.rgb,
+        image.width,
+        image.height,
+        ExtendedColorType::Rgb8,
+    )?;
+    Ok(bytes)
 }
 
 fn no_thread(error: impl std::error::Error + Send + Sync + 'static) -> PictureError {

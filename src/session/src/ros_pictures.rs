@@ -3,15 +3,13 @@
 use super::Moment;
 use super::end::{End, EndHealth};
 use super::pictures::{
-    CarriedCamera, OpenRenderer, PictureError, PictureStamps, PictureThread, TakenPicture,
+    CarriedCamera, OpenRenderer, PictureError, PictureStamps, PictureThread, TakenPicture, jpeg,
 };
 use super::ros::RosNode;
 use city3d_geometry::LengthScale;
 use city3d_network::link::exchange::{OnboardPicture, PictureForm, PictureQueue};
 use city3d_render::{Image, encode_png};
 use city3d_sensors::Projection;
-use image::ExtendedColorType;
-use image::codecs::jpeg::JpegEncoder;
 use rayon::prelude::*;
 use std::sync::Arc;
 
@@ -84,12 +82,6 @@ fn encode(image: &Image, form: PictureForm) -> Result<Vec<u8>, String> {
     match form {
         PictureForm::Png => encode_png(image).map_err(|error| error.to_string()),
         PictureForm::Rgb8 => Ok(image.rgb.clone()),
-        PictureForm::Jpeg => {
-            let mut bytes = Vec::new();
-            JpegEncoder::new_with_quality(&mut bytes, JPEG_QUALITY)
-                .encode(&image.rgb, image.width, image.height, ExtendedColorType::Rgb8)
-                .map_err(|error| error.to_string())?;
-            Ok(bytes)
-        }
+        PictureForm::Jpeg => jpeg(image, JPEG_QUALITY).map_err(|error| error.to_string()),
     }
 }

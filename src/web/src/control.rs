@@ -1,6 +1,6 @@
 //! Orders of pages, to a city that runs or to a log that is played. Each vehicle is driven by one page at most.
 
-use crate::counters::Counters;
+use city3d_network::listener::{PeerCounters, count};
 use city3d_protocol::snapshot::{Pedals, VehicleId};
 use city3d_session::playback::{PlaybackCommand, PlayerRemote, Playhead};
 use city3d_session::{Order, OrderSender, Speed};
@@ -22,11 +22,11 @@ pub(crate) struct Control {
     orders: PageOrders,
     /// Which page drives a vehicle.
     drivers: Mutex<BTreeMap<VehicleId, u64>>,
-    counters: Arc<Counters>,
+    counters: Arc<PeerCounters>,
 }
 
 impl Control {
-    pub(crate) fn new(orders: PageOrders, counters: Arc<Counters>) -> Self {
+    pub(crate) fn new(orders: PageOrders, counters: Arc<PeerCounters>) -> Self {
         Self { orders, drivers: Mutex::default(), counters }
     }
 
@@ -37,7 +37,7 @@ impl Control {
             PageOrders::Log(remote) => playback_command(&order).is_none_or(|command| remote.send(command)),
         };
         if !is_taken {
-            Counters::add(&self.counters.lost_orders, 1);
+            count(&self.counters.lost_orders, 1);
         }
     }
 
@@ -54,7 +54,7 @@ impl Control {
         if let PageOrders::Log(remote) = &self.orders
             && !remote.send(PlaybackCommand::Seek(time_s))
         {
-            Counters::add(&self.counters.lost_orders, 1);
+            count(&self.counters.lost_orders, 1);
         }
     }
 

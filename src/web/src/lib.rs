@@ -17,6 +17,7 @@ mod pictures;
 mod pictures;
 mod server;
 
+pub use client::PATIENCE;
 pub use control::PageOrders;
 pub use counters::WebCounts;
 #[cfg(feature = "render")]

@@ -37,7 +37,7 @@ async fn a_page_plays_a_log_and_shows_any_time_of_it() {
     let text = token.text().to_owned();
     let (address, experiment) = ("127.0.0.1:0".to_owned(), Arc::clone(player.experiment()));
     let orders = PageOrders::Log(player.remote());
-    let web = WebServer::start(WebOptions { address, token, experiment, orders }).unwrap();
+    let web = WebServer::start(WebOptions::new(address, token, experiment, orders)).unwrap();
     web.watch(player.published());
 
     let mut page = Page::new(web.address(), Some(&text)).await;

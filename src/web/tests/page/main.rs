@@ -5,6 +5,7 @@
 
 mod log;
 mod peer;
+mod slow;
 
 use futures_util::SinkExt;
 use peer::{City, Page, asked, city, open};
@@ -28,7 +29,7 @@ async fn a_page_is_told_the_city_and_starts_it() {
     page.hear(|m| m["phase"] == "paused").await;
     page.send(json!({ "t": "reset" })).await;
     page.hear(|m| m["phase"] == "ready" && m["tick"] == 0).await;
-    assert_eq!(web.counts().dropped(), 0);
+    assert_eq!(web.counts().peers.dropped(), 0);
     session.stop().unwrap();
 }
 
@@ -56,10 +57,10 @@ async fn without_the_token_a_page_watches() {
     assert_eq!(page.hear_of("welcome").await["may_order"], false);
     page.send(json!({ "t": "start" })).await;
     assert!(page.hear_of("notice").await["text"].as_str().unwrap().contains("watches"));
-    assert_eq!((web.counts().forbidden, session.run_state().now.tick), (1, 0));
+    assert_eq!((web.counts().peers.forbidden, session.run_state().now.tick), (1, 0));
     let mut wrong = Page::new(web.address(), Some("0123456789abcdef0123456789abcdef")).await;
     assert_eq!(wrong.closed().await, Some(4401));
-    assert_eq!(web.counts().wrong_tokens, 1);
+    assert_eq!(web.counts().peers.wrong_tokens, 1);
     session.stop().unwrap();
 }
 
@@ -71,7 +72,7 @@ async fn hostile_clients_are_disconnected_and_counted() {
     let rebound = asked(address, "GET / HTTP/1.1\r\nHost: evil.example\r\n\r\n").await;
     assert!(rebound.starts_with("HTTP/1.1 421"), "{rebound}");
     assert!(asked(address, "\x16\x03\x01 garbage\r\n\r\n").await.starts_with("HTTP/1.1 400"));
-    assert_eq!(web.counts().refused, 3);
+    assert_eq!(web.counts().peers.refused, 3);
     let page = asked(address, &format!("GET / HTTP/1.1\r\nHost: {address}\r\n\r\n")).await;
     assert!(page.contains("default-src 'none'") && page.contains("<title>City3D</title>"));
 
@@ -89,7 +90,7 @@ async fn hostile_clients_are_disconnected_and_counted() {
         let _ = page.0.flush().await;
         page.closed().await;
     }
-    assert_eq!(web.counts().invalid, count);
+    assert_eq!(web.counts().peers.invalid, count);
     // The city is there for others.
     Page::new(address, Some(&token)).await.hear_of("state").await;
     session.stop().unwrap();

@@ -1,8 +1,9 @@
 //! A city with a page, and pages that are connected to it.
 
+use city3d_network::listener::Patience;
 use city3d_session::{Host, LocalCity, Session, SessionHandle, Token};
 use city3d_simulation::scenario::ScenarioRequest;
-use city3d_web::{PageOrders, WebOptions, WebServer};
+use city3d_web::{PATIENCE, PageOrders, WebOptions, WebServer};
 use futures_util::{SinkExt, StreamExt};
 use serde_json::{Value, json};
 use std::net::SocketAddr;
@@ -15,7 +16,7 @@ use tokio_tungstenite::tungstenite::client::IntoClientRequest;
 use tokio_tungstenite::tungstenite::{Error, Message as Packet};
 use tokio_tungstenite::{WebSocketStream, client_async};
 
-const LONG: Duration = Duration::from_secs(20);
+pub const LONG: Duration = Duration::from_secs(20);
 
 pub struct City {
     pub web: WebServer,
@@ -25,7 +26,12 @@ pub struct City {
 
 /// The roundabout with its control framework, and a page of it.
 pub fn city() -> City {
-    let request = ScenarioRequest { scenario: "roundabout".to_owned(), ..ScenarioRequest::default() };
+    city_with("roundabout", PATIENCE)
+}
+
+/// Any scenario, with a patience of the page's server.
+pub fn city_with(scenario: &str, patience: Patience) -> City {
+    let request = ScenarioRequest { scenario: scenario.to_owned(), ..ScenarioRequest::default() };
     let experiment = city3d_session::load(&request).unwrap();
     let host = Host::system();
     let session = Session::new(LocalCity::new(Arc::clone(&experiment), host.clone()).unwrap(), host);
@@ -33,7 +39,8 @@ pub fn city() -> City {
     let text = token.text().to_owned();
     let orders = PageOrders::City(session.orders().unwrap());
     let address = "127.0.0.1:0".to_owned();
-    let web = WebServer::start(WebOptions { address, token, experiment, orders }).unwrap();
+    let options = WebOptions::new(address, token, experiment, orders);
+    let web = WebServer::start(WebOptions { patience, ..options }).unwrap();
     let session = session.with_end(Box::new(web.end())).spawn(None).unwrap();
     web.watch(session.published());
     City { web, token: text, session }
@@ -42,15 +49,23 @@ pub fn city() -> City {
 pub struct Page(pub WebSocketStream<TcpStream>);
 
 pub async fn open(address: SocketAddr, origin: &str) -> Result<Page, Error> {
+    open_on(TcpStream::connect(address).await.unwrap(), address, origin).await
+}
+
+async fn open_on(stream: TcpStream, address: SocketAddr, origin: &str) -> Result<Page, Error> {
     let mut request = format!("ws://{address}/socket").into_client_request().unwrap();
     request.headers_mut().insert("Origin", origin.parse().unwrap());
-    let stream = TcpStream::connect(address).await.unwrap();
     Ok(Page(client_async(request, stream).await?.0))
 }
 
 impl Page {
     pub async fn new(address: SocketAddr, token: Option<&str>) -> Self {
-        let mut page = open(address, &format!("http://{address}")).await.unwrap();
+        Self::on(TcpStream::connect(address).await.unwrap(), address, token).await
+    }
+
+    /// A page on a connection.
+    pub async fn on(stream: TcpStream, address: SocketAddr, token: Option<&str>) -> Self {
+        let mut page = open_on(stream, address, &format!("http://{address}")).await.unwrap();
         page.send(json!({ "t": "hello", "token": token })).await;
         page
     }
