@@ -32,9 +32,9 @@ pub struct OfferedCity<'a> {
     pub origin: LogOrigin,
     /// Snapshots per simulated second, as in the log.
     pub snapshot_hz: u32,
-    /// How pictures of cameras look; `None` where there are none.
+    /// How pictures of cameras look.
     #[cfg(feature = "render")]
-    pub look: Option<crate::look::LookArgs>,
+    pub look: crate::look::LookArgs,
 }
 
 /// The server, where one is asked for. It ends when this is dropped.
@@ -78,11 +78,10 @@ impl FoxgloveArgs {
 #[cfg(feature = "render")]
 fn with_cameras(end: FoxgloveEnd, city: &OfferedCity<'_>) -> Result<FoxgloveEnd, Failure> {
     use city3d_foxglove::NamedCamera;
-    let Some(look) = &city.look else { return Ok(end) };
     let cameras = crate::cameras::scenario_cameras(city.experiment, None).into_iter();
     let named =
         cameras.map(|of| NamedCamera { name: format!("{}/{}", of.vehicle, of.name), camera: of.camera });
-    let open = crate::look::opener(look, city.experiment);
+    let open = crate::look::opener(&city.look, city.experiment);
     Ok(end.with_cameras(named.collect(), open)?)
 }
 

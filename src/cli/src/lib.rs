@@ -93,6 +93,8 @@ impl Cli {
             #[cfg(feature = "window")]
             Some(Command::View(_)) => true,
             Some(Command::Frames(_) | Command::Bench(_) | Command::Replay(_) | Command::Serve(_)) => true,
+            // For cameras in Foxglove.
+            Some(Command::Run(_) | Command::Mainframe(_)) => true,
             // The window.
             None => true,
             Some(_) => false,

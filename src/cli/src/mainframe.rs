@@ -73,7 +73,7 @@ pub fn mainframe(args: &MainframeArgs) -> Result<(), Failure> {
         origin: LogOrigin::Mainframe,
         snapshot_hz: file_options.log_hz,
         #[cfg(feature = "render")]
-        look: None,
+        look: super::look::LookArgs::default(),
     };
     let (session, foxglove) = args.foxglove.attach(args.foxglove.place()?.as_mut(), session, offered)?;
     if !foxglove.publishing(session)?.run()?.has_seen() {

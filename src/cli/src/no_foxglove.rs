@@ -17,7 +17,7 @@ pub struct OfferedCity<'a> {
     pub origin: LogOrigin,
     pub snapshot_hz: u32,
     #[cfg(feature = "render")]
-    pub look: Option<crate::look::LookArgs>,
+    pub look: crate::look::LookArgs,
 }
 
 #[derive(Debug)]

@@ -69,7 +69,7 @@ pub fn run(args: &RunArgs) -> Result<(), Failure> {
         origin: LogOrigin::Run,
         snapshot_hz: args.log.options().log_hz,
         #[cfg(feature = "render")]
-        look: None,
+        look: super::look::LookArgs::default(),
     };
     let run = Run::new(Arc::clone(&experiment)).map_err(Failure::bad_input)?;
     let (written, bar) = (files.written(), progress::simulated_seconds(experiment.duration_s));

@@ -114,7 +114,7 @@ pub fn serve(args: &ServeArgs) -> Result<(), Failure> {
         origin: LogOrigin::Served,
         snapshot_hz: file_options.log_hz,
         #[cfg(feature = "render")]
-        look: Some(args.ros.look()),
+        look: args.ros.look(),
     };
     let (mut session, foxglove) = args.foxglove.attach(args.foxglove.place()?.as_mut(), session, offered)?;
     if args.is_watched() {

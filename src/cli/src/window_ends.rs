@@ -74,7 +74,7 @@ impl WindowEnds {
         let paged = PagedCity { experiment, look: &self.look };
         let (session, page) = web::attach(served.web.as_mut(), session, &paged)?;
         let snapshot_hz = FileOptions::default().log_hz;
-        let offered = OfferedCity { experiment, origin, snapshot_hz, look: Some(self.look.clone()) };
+        let offered = OfferedCity { experiment, origin, snapshot_hz, look: self.look.clone() };
         let (session, foxglove) = self.args.foxglove.attach(served.foxglove.as_mut(), session, offered)?;
         served.running = Some((page, foxglove));
         Ok(session)

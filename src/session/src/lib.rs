@@ -18,6 +18,7 @@ mod error;
 mod event_feed;
 pub mod fork;
 mod history;
+mod lateness;
 pub mod link_benchmark;
 mod local;
 mod log_messages;

@@ -147,6 +147,6 @@ fn run_state(state: &RunState, pages: u64, head: Option<Playhead>) -> Value {
         "phase": state.phase.label(), "speed": speed, "rate": rounded(state.real_time_factor, 2),
         "refusal": state.refusal.as_ref().map(|(count, why)| json!([count, &**why])),
         "leader": link.and_then(|link| link.leader.clone()),
-        "link_dropped": link.map(|link| link.dropped),
+        "link_dropped": link.map(|link| link.dropped), "keeps_speed": link.is_some(),
         "log": log, "ended": state.has_ended, "pages": pages, "ends": ends, "vehicles": vehicles })
 }

@@ -302,6 +302,7 @@ function tell() {
   const leader = state.leader ? `, led by ${state.leader}` : '';
   $('status').textContent = `${state.ended ? 'ended' : state.phase} at ${state.time.toFixed(1)} s, ${state.vehicles.length} vehicles${leader}${mayOrder ? '' : ' (watching)'}`;
   showTime();
+  showSpeed();
   if (refusals !== null && state.refusal && state.refusal[0] !== refusals) notice(state.refusal[1]);
   refusals = state.refusal ? state.refusal[0] : 0;
   const own = state.vehicles.find((v) => v[0] === selected);
@@ -351,6 +352,13 @@ function markEvents() {
   }));
 }
 
+// A served city keeps its speed.
+function showSpeed() {
+  $('speed').disabled = !mayOrder || state.keeps_speed;
+  const known = [...$('speed').options].some((option) => Number(option.value) === state.speed);
+  if (known && document.activeElement !== $('speed')) $('speed').value = String(state.speed);
+}
+
 let isSeeking = false, soughtAt = 0;
 function showTime() {
   if (!state.log) return;
@@ -386,6 +394,8 @@ $('drive').onclick = () => {
   driven = selected;
   steering = 0;
   $('drive').setAttribute('aria-pressed', 'true');
+  $('pad').hidden = false;
+  notice(matchMedia('(pointer: coarse)').matches ? '' : 'W gas, S brake, A and D steer, Space handbrake, R held reverse, Esc ends');
   $('drive').blur();
 };
 
@@ -394,6 +404,11 @@ function stopDriving() {
   send({ t: 'release' });
   driven = null;
   keys.clear();
+  touched.clear();
+  wheel = null;
+  turn(0);
+  $('pad').hidden = true;
+  $('reverse').setAttribute('aria-pressed', 'false');
   $('drive').setAttribute('aria-pressed', 'false');
 }
 
@@ -407,18 +422,49 @@ addEventListener('keydown', (event) => {
 addEventListener('keyup', (event) => { if (keys.delete(PEDAL_KEYS[event.code])) pedals(); });
 // A page that nobody looks at drives nothing.
 addEventListener('blur', stopDriving);
+document.addEventListener('visibilitychange', () => { if (document.hidden) stopDriving(); });
+
+// By touch: the wheel follows a finger, and turns back without one; pedals count while they are held.
+const touched = new Set();
+let wheel = null;
+function turn(share) {
+  $('wheel').firstElementChild.style.transform = `translateX(${(share * ($('wheel').clientWidth / 2 - 24)).toFixed(0)}px)`;
+  $('wheel').setAttribute('aria-valuenow', Math.round(share * 100));
+}
+$('wheel').addEventListener('pointerdown', (event) => { $('wheel').setPointerCapture(event.pointerId); follow(event); });
+$('wheel').addEventListener('pointermove', (event) => { if (wheel !== null) follow(event); });
+for (const end of ['pointerup', 'pointercancel']) $('wheel').addEventListener(end, () => { wheel = null; });
+function follow(event) {
+  const box = $('wheel').getBoundingClientRect();
+  wheel = Math.max(-1, Math.min(1, (event.clientX - box.left - box.width / 2) / (box.width / 2 - 24)));
+  event.preventDefault();
+}
+for (const button of document.querySelectorAll('[data-pedal]')) {
+  const hold = (isHeld) => {
+    touched[isHeld ? 'add' : 'delete'](button.dataset.pedal);
+    button.classList.toggle('held', isHeld);
+    pedals();
+  };
+  button.addEventListener('pointerdown', (event) => { button.setPointerCapture(event.pointerId); event.preventDefault(); hold(true); });
+  for (const end of ['pointerup', 'pointercancel']) button.addEventListener(end, () => hold(false));
+  button.addEventListener('contextmenu', (event) => event.preventDefault());
+}
+$('reverse').onclick = () => $('reverse').setAttribute('aria-pressed', $('reverse').getAttribute('aria-pressed') !== 'true');
 
 function pedals() {
   if (driven === null) return;
-  send({ t: 'drive', vehicle: driven, pedals: { gas: keys.has('gas') ? 0.6 : 0, brake: keys.has('brake') ? 0.8 : 0,
-    handbrake: keys.has('handbrake') ? 1 : 0, steering_rad: steering, reverse: keys.has('reverse') } });
+  const has = (pedal) => keys.has(pedal) || touched.has(pedal);
+  const reverse = keys.has('reverse') || $('reverse').getAttribute('aria-pressed') === 'true';
+  send({ t: 'drive', vehicle: driven, pedals: { gas: has('gas') ? 0.6 : 0, brake: has('brake') ? 0.8 : 0,
+    handbrake: has('handbrake') ? 1 : 0, steering_rad: steering, reverse } });
 }
 
 setInterval(() => {
   if (driven === null) return;
   const wanted = (keys.has('left') ? 1 : 0) - (keys.has('right') ? 1 : 0);
-  const step = STEERING_RADPS * 0.04, goal = wanted * MAX_STEERING_RAD;
+  const step = STEERING_RADPS * 0.04, goal = (wheel === null ? wanted : -wheel) * MAX_STEERING_RAD;
   steering += Math.max(-step, Math.min(step, goal - steering));
+  turn(wheel ?? -steering / MAX_STEERING_RAD);
   pedals();
 }, 40);
 setInterval(() => send({ t: 'ping', sent_ms: performance.now() }), 2000);
