@@ -245,6 +245,13 @@ ros2() {
     processes+=($!)
     "$python" tests/peers/ros2_pictures.py leader windscreen 5 compressed
     end_all
+    say "depth and classes, small enough for default buffers"
+    serve_ros2 kinds straight "--ros2=$domain" --ros2-cameras --ros2-kinds depth,classes --ros2-camera-size 160x120
+    "$city3d" mainframe straight --duration 60 --city "$address" >"$folder/mainframe.out" 2>&1 &
+    processes+=($!)
+    "$python" tests/peers/ros2_pictures.py leader windscreen 3 depth
+    "$python" tests/peers/ros2_pictures.py leader windscreen 3 classes
+    end_all
     say "Cyclone DDS lists what is published, and $seconds s of 60 vehicles are heard"
     sed 's/^vehicles = .*/vehicles = 60/' scenarios/city.toml >"$folder/crowd.toml"
     serve_ros2 many "$folder/crowd.toml" "--ros2=$domain" --ros2-tf

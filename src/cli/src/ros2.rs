@@ -6,9 +6,9 @@ use super::look::LookArgs;
 #[cfg(feature = "render")]
 use super::onboard::PublishedCameras;
 use super::serve::ServedEnds;
-#[cfg(feature = "render")]
-use city3d_network::link::exchange::PictureForm;
 use city3d_network::link::exchange::Subject;
+#[cfg(feature = "render")]
+use city3d_network::link::exchange::{CameraShows, PictureForm};
 use city3d_ros2::{Ros2Network, Ros2Node, Ros2Options, VehicleTopics};
 #[cfg(feature = "window")]
 use city3d_session::End;
@@ -128,6 +128,9 @@ struct Ros2PictureArgs {
     /// Width and height of these pictures in pixels [default: the sensors', or 640x480]
     #[arg(long, value_name = "WxH", requires = "ros2_cameras", value_parser = crate::values::size)]
     ros2_camera_size: Option<[u32; 2]>,
+    /// Publish depth and classes beside the colours, as pixels; separated by commas
+    #[arg(long, value_name = "KIND", requires = "ros2_cameras", value_delimiter = ',')]
+    ros2_kinds: Vec<PictureKindArg>,
     /// Form of these pictures
     #[arg(long, value_name = "FORM", requires = "ros2_cameras", default_value = "jpeg")]
     ros2_pictures: PictureFormArg,
@@ -146,6 +149,25 @@ enum PictureFormArg {
 }
 
 #[cfg(feature = "render")]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum PictureKindArg {
+    /// Image, 32FC1: metres along the optical axis
+    Depth,
+    /// Image, 8UC1: class number of each pixel
+    Classes,
+}
+
+#[cfg(feature = "render")]
+impl PictureKindArg {
+    fn shows(self) -> CameraShows {
+        match self {
+            Self::Depth => CameraShows::Depth,
+            Self::Classes => CameraShows::Classes,
+        }
+    }
+}
+
+#[cfg(feature = "render")]
 impl Ros2PictureArgs {
     /// The cameras that are asked for, which the node is told.
     fn cameras(
@@ -154,7 +176,11 @@ impl Ros2PictureArgs {
         options: &mut Ros2Options,
     ) -> Result<PublishedCameras, Failure> {
         let cameras = match self.ros2_cameras {
-            true => PublishedCameras::carried(experiment, self.ros2_camera_size, "--ros2-cameras")?,
+            true => {
+                let kinds = self.ros2_kinds.iter().map(|kind| kind.shows());
+                let shown: Vec<_> = [CameraShows::Colour].into_iter().chain(kinds).collect();
+                PublishedCameras::carried(experiment, self.ros2_camera_size, &shown, "--ros2-cameras")?
+            }
             false => PublishedCameras::default(),
         };
         (options.cameras, options.picture_form) = (cameras.names(), self.form());

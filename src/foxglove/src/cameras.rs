@@ -93,7 +93,8 @@ fn publish(hub: &Hub, camera: &PublishedCamera, taken: &TakenPicture) {
     if !camera.image.is_wanted() {
         return;
     }
-    match jpeg(&taken.image, JPEG_QUALITY) {
+    let Some(image) = &taken.pictures.rgb else { return };
+    match jpeg(image, JPEG_QUALITY) {
         Ok(data) => {
             let message = CompressedImage {
                 timestamp: stamp(time_ns),

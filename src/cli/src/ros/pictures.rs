@@ -3,7 +3,7 @@
 use crate::Failure;
 use crate::look::LookArgs;
 use crate::onboard::PublishedCameras;
-use city3d_network::link::exchange::OnboardCamera;
+use city3d_network::link::exchange::{CameraShows, OnboardCamera};
 use city3d_session::End;
 use city3d_session::ros::RosNode;
 use city3d_simulation::scenario::Experiment;
@@ -30,7 +30,12 @@ impl PictureArgs {
     /// The cameras whose pictures are asked for.
     pub fn cameras(&self, experiment: &Experiment) -> Result<AskedCameras<'_>, Failure> {
         let cameras = match self.ros_cameras {
-            true => PublishedCameras::carried(experiment, self.ros_camera_size, "--ros-cameras")?,
+            true => PublishedCameras::carried(
+                experiment,
+                self.ros_camera_size,
+                &[CameraShows::Colour],
+                "--ros-cameras",
+            )?,
             false => PublishedCameras::default(),
         };
         Ok(AskedCameras { cameras, look: &self.look })
