@@ -111,6 +111,25 @@ async def check(port, url, folder, restart):
     await tab.run("stopDriving()")
     await tab.until("state.vehicles.find((v) => v[0] === selected)[5] !== 'manual'")
 
+    # On a phone: the bar steers, a field is gas.
+    await tab.call("Emulation.setDeviceMetricsOverride", width=390, height=844, deviceScaleFactor=1, mobile=True)
+    await tab.call("Emulation.setTouchEmulationEnabled", enabled=True, maxTouchPoints=5)
+    await tab.run("$('drive').click(); $('pad').scrollIntoView()")
+    wheel, gas = [await tab.run(f"(() => {{ const b = {element}.getBoundingClientRect(); return [b.x, b.y, b.width, b.height]; }})()")
+                  for element in ("$('wheel')", "document.querySelector('[data-pedal=gas]')")]
+    points = [{"x": wheel[0] + wheel[2] * 0.9, "y": wheel[1] + wheel[3] / 2, "id": 1},
+              {"x": gas[0] + gas[2] / 2, "y": gas[1] + gas[3] / 2, "id": 2}]
+    await tab.call("Input.dispatchTouchEvent", type="touchStart", touchPoints=points)
+    await tab.until("(() => { const v = state.vehicles.find((v) => v[0] === selected);"
+                    " return v[5] === 'manual' && v[7] > 0.5 && v[6] < -0.2; })()")
+    await tab.shoot(f"{folder}/touch.png", (390, 844), True)
+    await tab.call("Input.dispatchTouchEvent", type="touchEnd", touchPoints=[])
+    await tab.until("(() => { const v = state.vehicles.find((v) => v[0] === selected); return v[7] < 0.1; })()")
+    await tab.run("stopDriving()")
+    await tab.call("Emulation.setTouchEmulationEnabled", enabled=False)
+    await tab.call("Emulation.clearDeviceMetricsOverride")
+    print("touch: steers right with gas, and lets go")
+
     watching = url.split("#")[0]
     visitor = await open_tab(port, watching)
     await visitor.until("typeof state === 'object' && state !== null && state.vehicles.length > 0")

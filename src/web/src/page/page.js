@@ -309,7 +309,7 @@ function tell() {
   if (own) {
     const degrees = own[6] * 180 / Math.PI;
     $('steering').value = -degrees;
-    $('steering_text').textContent = `${degrees.toFixed(0)}° left`;
+    $('steering_text').textContent = `${Math.abs(degrees).toFixed(0)}° ${degrees < 0 ? 'right' : 'left'}`;
     [$('gas').value, $('brake').value, $('handbrake').value] = own.slice(7, 10);
   }
   if (performance.now() - tabulatedAt < 200) return;
