@@ -1,5 +1,7 @@
 //! Where a server of the city listens, and its token: the same for one session after another.
 
+#![cfg_attr(not(any(feature = "web", feature = "foxglove")), allow(dead_code, reason = "nothing is served"))]
+
 use super::Failure;
 use city3d_session::Token;
 use std::net::SocketAddr;
