@@ -127,6 +127,13 @@ web() {
         serve_city "--web=127.0.0.1:$port" "web page is at"
     fi
     wait "$browser"
+    end_all
+    say "a log on the page"
+    "$city3d" run roundabout --duration 20 --out "$folder/run" --json >"$folder/run.json"
+    (trap - INT; exec "$city3d" replay "$folder/run" --web=127.0.0.1:0) >"$folder/log.out" 2>"$folder/log.err" &
+    processes+=($!)
+    wait_for "$folder/log.out" "web page is at"
+    target/web-peer/bin/python tests/peers/web.py chromium "$(grep -o 'http://.*' "$folder/log.out")" "$pictures" --log
 }
 
 foxglove() {
@@ -240,13 +247,26 @@ ros2() {
     processes+=($!)
     "$python" tests/peers/ros2_pictures.py leader windscreen 5 compressed
     end_all
+    say "depth and classes, small enough for default buffers"
+    serve_ros2 kinds straight "--ros2=$domain" --ros2-cameras --ros2-kinds depth,classes --ros2-camera-size 160x120
+    "$city3d" mainframe straight --duration 60 --city "$address" >"$folder/mainframe.out" 2>&1 &
+    processes+=($!)
+    "$python" tests/peers/ros2_pictures.py leader windscreen 3 depth
+    "$python" tests/peers/ros2_pictures.py leader windscreen 3 classes
+    end_all
     say "Cyclone DDS lists what is published, and $seconds s of 60 vehicles are heard"
     sed 's/^vehicles = .*/vehicles = 60/' scenarios/city.toml >"$folder/crowd.toml"
     serve_ros2 many "$folder/crowd.toml" "--ros2=$domain" --ros2-tf
     "$city3d" mainframe "$folder/crowd.toml" --city "$address" >"$folder/mainframe.out" 2>&1 &
     processes+=($!)
-    CYCLONEDDS_URI='<CycloneDDS><Domain><General><Interfaces><NetworkInterface name="lo"/></Interfaces></General></Domain></CycloneDDS>' \
-        "$python" tests/peers/ros2_topics.py "$domain" ros_discovery_info rt/tf rt/tf_static
+    local loopback='<CycloneDDS><Domain><General><Interfaces><NetworkInterface name="lo"/></Interfaces></General></Domain></CycloneDDS>'
+    CYCLONEDDS_URI=$loopback "$python" tests/peers/ros2_topics.py "$domain" ros_discovery_info rt/tf rt/tf_static
+    CYCLONEDDS_URI=$loopback COLUMNS=120 target/ros2-peer/bin/cyclonedds ls --id "$domain" --suppress-progress-bar >"$folder/listed"
+    local listed
+    for listed in rt/tf rt/tf_static "rt/vicon/" tf2_msgs::msg::dds_::TFMessage_ geometry_msgs::msg::dds_::PoseStamped_; do
+        grep -q "$listed" "$folder/listed" || die "cyclonedds ls does not list $listed: $(cat "$folder/listed")"
+    done
+    echo "cyclonedds ls lists $(grep -c 'rt/vicon/' "$folder/listed") topics of vehicles"
     local names
     mapfile -t names < <("$city3d" check "$folder/crowd.toml" --json --routes |
         python3 -c 'import json, sys; print(*(v["name"] for v in json.load(sys.stdin)["routes"]["vehicles"][:60]), sep="\n")')

@@ -1,4 +1,4 @@
-"""Listens to an onboard camera over ROS 2: arguments are the vehicle's name, the camera's, how many pictures, and `compressed` or `raw`.
+"""Listens to an onboard camera over ROS 2: arguments are the vehicle's name, the camera's, how many pictures, and `compressed`, `raw`, `depth` or `classes`.
 Fails where a picture is not whole, or does not fit its camera; prints what has come as JSON."""
 
 import json
@@ -11,6 +11,9 @@ from sensor_msgs.msg import CameraInfo, CompressedImage, Image
 
 vehicle, camera, wanted, form = sys.argv[1], sys.argv[2], int(sys.argv[3]), sys.argv[4]
 frame = f"{vehicle}/{camera}"
+# Place of the topics, encoding, and bytes of a pixel, of those that are no files.
+PIXELS = {"raw": (frame, "rgb8", 3), "depth": (f"{frame}/depth", "32FC1", 4), "classes": (f"{frame}/classes", "8UC1", 1)}
+place, encoding, pixel_bytes = PIXELS.get(form, (frame, None, 0))
 images, infos = {}, {}
 
 
@@ -31,9 +34,9 @@ rclpy.init()
 node = rclpy.create_node("pictures")
 key = lambda message: (message.header.stamp.sec, message.header.stamp.nanosec)
 note = lambda found: lambda message: found.setdefault(key(message), message)
-node.create_subscription(CameraInfo, f"/{frame}/camera_info", note(infos), 10)
-if form == "raw":
-    node.create_subscription(Image, f"/{frame}/image", note(images), 10)
+node.create_subscription(CameraInfo, f"/{place}/camera_info", note(infos), 10)
+if encoding:
+    node.create_subscription(Image, f"/{place}/image", note(images), 10)
 else:
     node.create_subscription(CompressedImage, f"/{frame}/image/compressed", note(images), 10)
 until = time.monotonic() + 60
@@ -44,8 +47,14 @@ lengths = []
 for stamp in both:
     image, info = images[stamp], infos[stamp]
     data = bytes(image.data)
-    width, height = (image.width, image.height) if form == "raw" else size(data)
-    assert form != "raw" or len(data) == 3 * width * height == height * image.step, len(data)
+    width, height = (image.width, image.height) if encoding else size(data)
+    if encoding:
+        assert image.encoding == encoding and len(data) == pixel_bytes * width * height == height * image.step, len(data)
+    if form == "depth":
+        depths = struct.unpack(f"<{width * height}f", data)
+        assert all(depth > 0 for depth in depths) and 0.01 < min(depths) < 1 and max(depths) > 5, (min(depths), max(depths))
+    if form == "classes":
+        assert 3 < len(set(data)) < 40, set(data)
     assert (width, height) == (info.width, info.height) and image.header.frame_id == info.header.frame_id == frame
     assert info.k[2] == (width - 1) / 2 or abs(info.k[2] - width / 2) <= 0.5, info.k
     lengths.append(len(data))

@@ -4,6 +4,7 @@
 web.py CHROMIUM URL FOLDER PIPE   opens the address with the token, uses the page, writes pictures of it into FOLDER,
                                   and prints one line a finding; asks through PIPE for another city at the same
                                   address; fails where something is not as it should be
+web.py CHROMIUM URL FOLDER --log  the same with the page on a log of 20 s of the roundabout
 """
 
 import asyncio
@@ -110,6 +111,25 @@ async def check(port, url, folder, restart):
     await tab.run("stopDriving()")
     await tab.until("state.vehicles.find((v) => v[0] === selected)[5] !== 'manual'")
 
+    # On a phone: the bar steers, a field is gas.
+    await tab.call("Emulation.setDeviceMetricsOverride", width=390, height=844, deviceScaleFactor=1, mobile=True)
+    await tab.call("Emulation.setTouchEmulationEnabled", enabled=True, maxTouchPoints=5)
+    await tab.run("$('drive').click(); $('pad').scrollIntoView()")
+    wheel, gas = [await tab.run(f"(() => {{ const b = {element}.getBoundingClientRect(); return [b.x, b.y, b.width, b.height]; }})()")
+                  for element in ("$('wheel')", "document.querySelector('[data-pedal=gas]')")]
+    points = [{"x": wheel[0] + wheel[2] * 0.9, "y": wheel[1] + wheel[3] / 2, "id": 1},
+              {"x": gas[0] + gas[2] / 2, "y": gas[1] + gas[3] / 2, "id": 2}]
+    await tab.call("Input.dispatchTouchEvent", type="touchStart", touchPoints=points)
+    await tab.until("(() => { const v = state.vehicles.find((v) => v[0] === selected);"
+                    " return v[5] === 'manual' && v[7] > 0.5 && v[6] < -0.2; })()")
+    await tab.shoot(f"{folder}/touch.png", (390, 844), True)
+    await tab.call("Input.dispatchTouchEvent", type="touchEnd", touchPoints=[])
+    await tab.until("(() => { const v = state.vehicles.find((v) => v[0] === selected); return v[7] < 0.1; })()")
+    await tab.run("stopDriving()")
+    await tab.call("Emulation.setTouchEmulationEnabled", enabled=False)
+    await tab.call("Emulation.clearDeviceMetricsOverride")
+    print("touch: steers right with gas, and lets go")
+
     watching = url.split("#")[0]
     visitor = await open_tab(port, watching)
     await visitor.until("typeof state === 'object' && state !== null && state.vehicles.length > 0")
@@ -137,8 +157,30 @@ async def check(port, url, folder, restart):
     await tab.shoot(f"{folder}/restart.png")
 
 
+async def check_log(port, url, folder):
+    """A log of 20 s: any time of it, played, with its events."""
+    tab = await open_tab(port, url)
+    await tab.until("typeof state === 'object' && state !== null && map !== null && told && told.count > 0")
+    assert await tab.run("isLog && mayOrder && !$('timeline').hidden && $('reset').hidden && $('drive').hidden")
+    await tab.run("$('mode').value = 'orbit'; $('mode').onchange(); select(state.vehicles[0][0])")
+    await tab.until("$('large').dataset.pictures > 0")
+    await tab.run("$('seek').value = 12; $('seek').onchange()")
+    await tab.until("state.time === 12 && $('at').textContent === '12.0 of 20.0 s'")
+    known = await tab.run("$('events').children.length")
+    await tab.run("$('start').click()")
+    await tab.until("state.phase === 'running' && state.time > 13")
+    await tab.shoot(f"{folder}/log.png")
+    await tab.run("$('speed').value = '5'; $('speed').onchange()")
+    await tab.until("state.phase === 'paused' && state.time === 20")
+    assert await tab.run("$('events').children.length") >= known > 0
+    await tab.run("$('seek').value = 0; $('seek').onchange()")
+    await tab.until("state.time === 0 && $('events').children.length < 10")
+    print("log: played, sought, with", await tab.run("told.count"), "events")
+
+
 async def main(chromium, url, folder, pipe):
-    with tempfile.TemporaryDirectory() as profile, open(pipe, "w", encoding="utf-8") as restart:
+    is_log = pipe == "--log"
+    with tempfile.TemporaryDirectory() as profile, open(os.devnull if is_log else pipe, "w", encoding="utf-8") as restart:
         browser = subprocess.Popen([chromium, *FLAGS, f"--user-data-dir={profile}", "about:blank"],
                                    stderr=subprocess.PIPE, text=True)
         try:
@@ -146,7 +188,8 @@ async def main(chromium, url, folder, pipe):
                 found = re.search(r"ws://127\.0\.0\.1:(\d+)/", line)
                 if found:
                     break
-            await check(int(found.group(1)), url, folder, restart)
+            port = int(found.group(1))
+            await (check_log(port, url, folder) if is_log else check(port, url, folder, restart))
         finally:
             browser.terminate()
             browser.wait()

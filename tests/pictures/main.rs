@@ -14,5 +14,6 @@ mod support;
 mod video;
 mod visual;
 mod window;
+mod window_page;
 mod window_pictures;
 mod workbench;

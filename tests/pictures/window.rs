@@ -49,6 +49,10 @@ impl Display {
         Some(Self { server, name: format!(":{}", line.trim()) })
     }
 
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
     /// Its server goes away beneath the windows.
     fn die(&self) {
         let killed = Command::new("kill").arg(self.server.id().to_string()).status().unwrap();

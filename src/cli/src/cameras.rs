@@ -1,6 +1,6 @@
 //! The cameras of a scenario whose pictures are published while it runs.
 
-use city3d_sensors::{CameraSensor, Lens, Mount, SensorKind};
+use city3d_sensors::{CameraSensor, Lens, Mount, PictureKind, SensorKind};
 use city3d_session::pictures::CarriedCamera;
 use city3d_simulation::scenario::Experiment;
 
@@ -23,14 +23,20 @@ pub fn scenario_cameras(experiment: &Experiment, extent: Option<[u32; 2]>) -> Ve
         cameras.extend(planned.sensors.iter().map(|sensor| {
             let SensorKind::Camera(CameraSensor { mount, lens, .. }) = sensor.kind;
             let every_s = 1.0 / sensor.rate_hz;
-            let camera = CarriedCamera { vehicle: planned.id, mount, lens: sized(lens), every_s };
+            let camera = CarriedCamera {
+                vehicle: planned.id,
+                mount,
+                lens: sized(lens),
+                every_s,
+                kind: PictureKind::Rgb,
+            };
             ScenarioCamera { vehicle: planned.name.clone(), name: sensor.name.clone(), camera }
         }));
     }
     if cameras.is_empty() {
         cameras.extend(experiment.vehicles.iter().map(|planned| {
             let (mount, lens, every_s) = (Mount::Windscreen, sized(Lens::default()), 1.0 / USUAL_HZ);
-            let camera = CarriedCamera { vehicle: planned.id, mount, lens, every_s };
+            let camera = CarriedCamera { vehicle: planned.id, mount, lens, every_s, kind: PictureKind::Rgb };
             ScenarioCamera { vehicle: planned.name.clone(), name: USUAL_NAME.to_owned(), camera }
         }));
     }

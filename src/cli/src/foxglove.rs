@@ -2,9 +2,10 @@
 
 use crate::Failure;
 use crate::say::say;
-use city3d_foxglove::{FoxgloveEnd, FoxgloveOptions, FoxgloveServer};
+use crate::served_at::ServedAt;
+use city3d_foxglove::{FoxgloveEnd, FoxgloveOptions, FoxgloveServer, PATIENCE};
 use city3d_logbook::record::LogOrigin;
-use city3d_session::{Session, SessionHandle, Source, Token};
+use city3d_session::{Session, SessionHandle, Source};
 use city3d_simulation::scenario::Experiment;
 use clap::Args;
 use std::sync::Arc;
@@ -13,7 +14,7 @@ use std::sync::Arc;
 const USUAL_ADDRESS: &str = "127.0.0.1:8765";
 
 /// Options of Foxglove.
-#[derive(Clone, Debug, Args)]
+#[derive(Clone, Debug, Default, Args)]
 pub struct FoxgloveArgs {
     /// Offer the city to Foxglove and Lichtblick; the address that is printed gives orders, without its token one watches
     /// [default: 127.0.0.1:8765, for this machine only]
@@ -31,41 +32,44 @@ pub struct OfferedCity<'a> {
     pub origin: LogOrigin,
     /// Snapshots per simulated second, as in the log.
     pub snapshot_hz: u32,
-    /// How pictures of cameras look; `None` where there are none.
+    /// How pictures of cameras look.
     #[cfg(feature = "render")]
-    pub look: Option<crate::look::LookArgs>,
+    pub look: crate::look::LookArgs,
 }
 
 /// The server, where one is asked for. It ends when this is dropped.
+#[derive(Debug)]
 pub struct ServedFoxglove(Option<FoxgloveServer>);
 
 impl FoxgloveArgs {
-    /// Starts the server and attaches it to a session, where it is asked for.
+    /// Where Foxglove connects; `None` where it is not asked for.
+    pub fn place(&self) -> Result<Option<ServedAt>, Failure> {
+        ServedAt::asked(self.foxglove.as_ref(), USUAL_ADDRESS)
+    }
+
+    /// Starts the server and attaches it to a session, where there is a place for it.
     pub fn attach<S: Source>(
         &self,
+        at: Option<&mut ServedAt>,
         session: Session<S>,
         city: OfferedCity<'_>,
     ) -> Result<(Session<S>, ServedFoxglove), Failure> {
-        let (Some(address), Some(orders)) = (&self.foxglove, session.orders()) else {
+        let (Some(at), Some(orders)) = (at, session.orders()) else {
             return Ok((session, ServedFoxglove(None)));
         };
+        let ServedAt { address, token } = at.clone();
         let options = FoxgloveOptions {
-            address: address.clone().unwrap_or_else(|| USUAL_ADDRESS.to_owned()),
-            token: Token::draw().map_err(Failure::failed)?,
+            address,
+            token,
             origins: self.foxglove_origin.clone(),
             experiment: Arc::clone(city.experiment),
             origin: city.origin,
             snapshot_hz: city.snapshot_hz,
             orders,
+            patience: PATIENCE,
         };
         let (server, end) = FoxgloveServer::start(options).map_err(Failure::bad_input)?;
-        if !server.address().ip().is_loopback() {
-            tracing::warn!(
-                "Foxglove at {} can be reached from other machines, and is not encrypted: whoever can read the network \
-                 can read its token",
-                server.address()
-            );
-        }
+        at.bound("Foxglove", server.address());
         let end = with_cameras(end, &city)?;
         Ok((session.with_end(Box::new(end)), ServedFoxglove(Some(server))))
     }
@@ -74,11 +78,10 @@ impl FoxgloveArgs {
 #[cfg(feature = "render")]
 fn with_cameras(end: FoxgloveEnd, city: &OfferedCity<'_>) -> Result<FoxgloveEnd, Failure> {
     use city3d_foxglove::NamedCamera;
-    let Some(look) = &city.look else { return Ok(end) };
     let cameras = crate::cameras::scenario_cameras(city.experiment, None).into_iter();
     let named =
         cameras.map(|of| NamedCamera { name: format!("{}/{}", of.vehicle, of.name), camera: of.camera });
-    let open = crate::look::opener(look, city.experiment);
+    let open = crate::look::opener(&city.look, city.experiment);
     Ok(end.with_cameras(named.collect(), open)?)
 }
 
@@ -89,11 +92,9 @@ fn with_cameras(end: FoxgloveEnd, _: &OfferedCity<'_>) -> Result<FoxgloveEnd, Fa
 }
 
 impl ServedFoxglove {
-    /// Shows the server what a session on a thread of its own publishes, and tells where it is.
-    pub fn open(&self, session: &SessionHandle) -> Result<(), Failure> {
-        let Some(server) = &self.0 else { return Ok(()) };
-        server.watch(session.published());
-        tell(server)
+    /// Shows the server what a session on a thread of its own publishes.
+    pub fn open(&self, session: &SessionHandle) {
+        self.0.iter().for_each(|server| server.watch(session.published()));
     }
 
     /// Shows the server what a session publishes that its caller runs, and tells where it is.
@@ -101,11 +102,12 @@ impl ServedFoxglove {
         let Some(server) = &self.0 else { return Ok(session) };
         let (session, state) = session.publishing();
         server.watch(state);
-        tell(server)?;
+        self.say()?;
         Ok(session)
     }
-}
 
-fn tell(server: &FoxgloveServer) -> Result<(), Failure> {
-    say(format_args!("Foxglove connects to {}", server.url()))
+    /// Tells where Foxglove connects.
+    pub fn say(&self) -> Result<(), Failure> {
+        self.0.iter().try_for_each(|server| say(format_args!("Foxglove connects to {}", server.url())))
+    }
 }

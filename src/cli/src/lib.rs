@@ -4,7 +4,7 @@
 
 #[cfg(feature = "render")]
 mod bench;
-#[cfg(all(feature = "render", any(feature = "foxglove", feature = "ros")))]
+#[cfg(all(feature = "render", any(feature = "foxglove", feature = "ros", feature = "ros2")))]
 mod cameras;
 mod check;
 mod compare;
@@ -38,6 +38,7 @@ mod run;
 mod runtime_folder;
 mod say;
 mod serve;
+mod served_at;
 mod signals;
 mod status;
 mod sweep;
@@ -45,8 +46,10 @@ mod testbed;
 mod values;
 #[cfg(feature = "window")]
 mod view;
-#[cfg(feature = "web")]
+#[cfg_attr(not(feature = "web"), path = "no_web.rs")]
 mod web;
+#[cfg(feature = "window")]
+mod window_ends;
 
 use city3d_dynamics::vehicle::ModelKind;
 use city3d_network::link::read_key;
@@ -90,6 +93,8 @@ impl Cli {
             #[cfg(feature = "window")]
             Some(Command::View(_)) => true,
             Some(Command::Frames(_) | Command::Bench(_) | Command::Replay(_) | Command::Serve(_)) => true,
+            // For cameras in Foxglove.
+            Some(Command::Run(_) | Command::Mainframe(_)) => true,
             // The window.
             None => true,
             Some(_) => false,
@@ -108,7 +113,7 @@ enum Command {
     Plot(plot::PlotArgs),
     /// Compare two runs on the same map, or sweeps: figures with all, and a table of what came out
     Compare(compare::CompareArgs),
-    /// Watch a recorded run in the window, or simulate it again from its log and compare it
+    /// Watch a recorded run in the window or on a web page, or simulate it again from its log and compare it
     Replay(Box<replay::ReplayArgs>),
     /// Run a scenario for all combinations of parameters and seeds, on all cores: a table, and a map of the outcome
     Sweep(sweep::SweepArgs),

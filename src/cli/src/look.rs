@@ -115,7 +115,9 @@ impl From<PictureError> for Failure {
     fn from(error: PictureError) -> Self {
         match error {
             PictureError::Renderer(error) => failure(error),
-            error @ (PictureError::Thread(_) | PictureError::Ended) => Self::failed(error),
+            error @ (PictureError::Thread(_) | PictureError::Encode(_) | PictureError::Ended) => {
+                Self::failed(error)
+            }
         }
     }
 }

@@ -72,10 +72,10 @@ pub fn mainframe(args: &MainframeArgs) -> Result<(), Failure> {
         experiment: &experiment,
         origin: LogOrigin::Mainframe,
         snapshot_hz: file_options.log_hz,
-        #[cfg(all(feature = "foxglove", feature = "render"))]
-        look: None,
+        #[cfg(feature = "render")]
+        look: super::look::LookArgs::default(),
     };
-    let (session, foxglove) = args.foxglove.attach(session, offered)?;
+    let (session, foxglove) = args.foxglove.attach(args.foxglove.place()?.as_mut(), session, offered)?;
     if !foxglove.publishing(session)?.run()?.has_seen() {
         return Err(SessionError::Silent { city: args.city.clone() }.into());
     }

@@ -1,13 +1,14 @@
 //! Foxglove, in a program without it: no options and no server.
 
 use crate::Failure;
+use crate::served_at::ServedAt;
 use city3d_logbook::record::LogOrigin;
 use city3d_session::{Session, SessionHandle, Source};
 use city3d_simulation::scenario::Experiment;
 use clap::Args;
 use std::sync::Arc;
 
-#[derive(Clone, Debug, Args)]
+#[derive(Clone, Debug, Default, Args)]
 pub struct FoxgloveArgs {}
 
 #[allow(dead_code, reason = "nobody is told")]
@@ -15,14 +16,22 @@ pub struct OfferedCity<'a> {
     pub experiment: &'a Arc<Experiment>,
     pub origin: LogOrigin,
     pub snapshot_hz: u32,
+    #[cfg(feature = "render")]
+    pub look: crate::look::LookArgs,
 }
 
+#[derive(Debug)]
 pub struct ServedFoxglove;
 
 #[allow(clippy::unused_self, clippy::unnecessary_wraps, reason = "the same calls with and without Foxglove")]
 impl FoxgloveArgs {
+    pub fn place(&self) -> Result<Option<ServedAt>, Failure> {
+        Ok(None)
+    }
+
     pub fn attach<S: Source>(
         &self,
+        _: Option<&mut ServedAt>,
         session: Session<S>,
         _: OfferedCity<'_>,
     ) -> Result<(Session<S>, ServedFoxglove), Failure> {
@@ -32,7 +41,9 @@ impl FoxgloveArgs {
 
 #[allow(clippy::unused_self, clippy::unnecessary_wraps, reason = "the same calls with and without Foxglove")]
 impl ServedFoxglove {
-    pub fn open(&self, _: &SessionHandle) -> Result<(), Failure> {
+    pub fn open(&self, _: &SessionHandle) {}
+
+    pub fn say(&self) -> Result<(), Failure> {
         Ok(())
     }
 

@@ -9,11 +9,27 @@ use city3d_session::robots::CaptureEnd;
 use city3d_simulation::scenario::Experiment;
 use clap::Args;
 
-#[derive(Clone, Debug, Args)]
+#[derive(Clone, Debug, Default, Args)]
 pub struct Ros2Args {}
 
 #[derive(Clone, Debug, Args)]
 pub struct ServedRos2Args {}
+
+#[cfg(feature = "window")]
+#[derive(Clone, Debug, Default, Args)]
+pub struct PublishedRos2Args {}
+
+#[cfg(feature = "window")]
+#[allow(clippy::unused_self, clippy::unnecessary_wraps, reason = "the same calls with and without ROS 2")]
+impl PublishedRos2Args {
+    pub fn ends(&self, _: &Experiment, _: &LookArgs) -> Result<Vec<Box<dyn city3d_session::End>>, Failure> {
+        Ok(Vec::new())
+    }
+
+    pub fn is_asked(&self) -> bool {
+        false
+    }
+}
 
 impl ServedRos2Args {
     #[allow(clippy::unused_self, reason = "the same call with and without ROS 2")]

@@ -3,7 +3,8 @@
 use super::Failure;
 use super::cameras::{ScenarioCamera, scenario_cameras};
 use super::look::{self, LookArgs};
-use city3d_network::link::exchange::OnboardCamera;
+use city3d_network::link::exchange::{CameraShows, OnboardCamera};
+use city3d_sensors::PictureKind;
 use city3d_session::End;
 use city3d_session::pictures::CarriedCamera;
 use city3d_session::ros::RosNode;
@@ -18,10 +19,24 @@ pub struct PublishedCameras(Vec<(OnboardCamera, CarriedCamera)>);
 impl PublishedCameras {
     /// The cameras that a scenario gives its vehicles, or one behind each windscreen where it gives none. `option` has asked
     /// for them.
-    pub fn carried(experiment: &Experiment, extent: Option<[u32; 2]>, option: &str) -> Result<Self, Failure> {
-        let named =
-            |ScenarioCamera { vehicle, name, camera }| (OnboardCamera { vehicle, camera: name }, camera);
-        let cameras: Vec<_> = scenario_cameras(experiment, extent).into_iter().map(named).collect();
+    pub fn carried(
+        experiment: &Experiment,
+        extent: Option<[u32; 2]>,
+        shown: &[CameraShows],
+        option: &str,
+    ) -> Result<Self, Failure> {
+        let named = |of: ScenarioCamera| {
+            shown.iter().map(move |&shows| {
+                let kind = match shows {
+                    CameraShows::Colour => PictureKind::Rgb,
+                    CameraShows::Depth => PictureKind::Depth,
+                    CameraShows::Classes => PictureKind::Semantic,
+                };
+                let name = OnboardCamera { vehicle: of.vehicle.clone(), camera: of.name.clone(), shows };
+                (name, CarriedCamera { kind, ..of.camera })
+            })
+        };
+        let cameras: Vec<_> = scenario_cameras(experiment, extent).into_iter().flat_map(named).collect();
         if cameras.is_empty() {
             return Err(Failure::bad_input(format!(
                 "scenario {} has no vehicle to carry a camera; leave {option} out",

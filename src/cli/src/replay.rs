@@ -1,8 +1,11 @@
-//! `city3d replay`: shows a recorded run in the window, or simulates it again and verifies its state digests.
+//! `city3d replay`: shows a recorded run in the window or on a web page, or simulates it again and verifies its state
+//! digests.
 
 use super::files::{LogArgs, log_of};
 use super::recorded::PosesReplay;
 use super::say::say;
+use super::served_at::ServedAt;
+use super::web::WebArgs;
 use super::{Failure, progress};
 use city3d_logbook::record::{FileKind, file_kind, last_tick};
 use city3d_logbook::replay::{Replay, ReplayError};
@@ -31,12 +34,23 @@ pub struct ReplayArgs {
     /// Print the outcome as JSON instead of text
     #[arg(long)]
     json: bool,
+    #[command(flatten)]
+    web: WebArgs,
     #[cfg(feature = "window")]
     #[command(flatten)]
     window: super::view::WindowArgs,
+    #[cfg(all(feature = "web", feature = "render", not(feature = "window")))]
+    #[command(flatten)]
+    look: super::look::LookArgs,
 }
 
 pub fn replay(args: &ReplayArgs) -> Result<(), Failure> {
+    let page = args.web.place()?;
+    if page.is_some() && (args.verify || args.scenario.is_some() || args.json) {
+        return Err(Failure::bad_input(
+            "--web shows a log, and goes with none of --verify, --scenario and --json",
+        ));
+    }
     if let (Some(scenario), Some(out)) = (&args.scenario, &args.out) {
         return PosesReplay { poses: &args.log, scenario, out, log: args.files, json: args.json }.replay();
     }
@@ -48,6 +62,9 @@ pub fn replay(args: &ReplayArgs) -> Result<(), Failure> {
     let is_ros1_bag = matches!(file_kind(log), Ok(FileKind::Ros1Bag));
     if !args.verify && (is_table || is_ros1_bag) {
         return Err(poses_need(&args.log));
+    }
+    if let Some(at) = page {
+        return show_on_page(log, at, args);
     }
     if !args.verify {
         return if args.json {
@@ -128,6 +145,38 @@ fn no_run(path: &Path) -> Failure {
     let told: Vec<String> = runs.iter().take(TOLD).map(|run| run.display().to_string()).collect();
     let more = if runs.len() > TOLD { format!(" and {} more", runs.len() - TOLD) } else { String::new() };
     Failure::bad_input(format!("{name} is a folder of runs; give one of them: {}{more}", told.join(", ")))
+}
+
+/// Serves a page on a log until a signal ends it.
+#[cfg(feature = "web")]
+fn show_on_page(log: &Path, mut at: ServedAt, args: &ReplayArgs) -> Result<(), Failure> {
+    use super::web::{PagedCity, start, tell};
+    use city3d_session::playback::SharedPlayer;
+    use city3d_web::PageOrders;
+    let player = SharedPlayer::open(log).map_err(Failure::bad_input)?;
+    let (end, ended) = std::sync::mpsc::channel();
+    super::signals::at_end(move || {
+        // Whoever has gone does not wait for it.
+        let _ = end.send(());
+    })?;
+    let city = PagedCity {
+        experiment: player.experiment(),
+        #[cfg(all(feature = "render", feature = "window"))]
+        look: args.window.look(),
+        #[cfg(all(feature = "render", not(feature = "window")))]
+        look: &args.look,
+    };
+    let server = start(&mut at, PageOrders::Log(player.remote()), &city)?;
+    server.watch(player.published());
+    tell(&server)?;
+    // It ends with the thread of the signals alone.
+    let _ = ended.recv();
+    Ok(())
+}
+
+#[cfg(not(feature = "web"))]
+fn show_on_page(_: &Path, _: ServedAt, _: &ReplayArgs) -> Result<(), Failure> {
+    Err(Failure::bad_input("this program was built without the web page"))
 }
 
 #[cfg(feature = "window")]

@@ -6,10 +6,12 @@ use super::look::LookArgs;
 #[cfg(feature = "render")]
 use super::onboard::PublishedCameras;
 use super::serve::ServedEnds;
-#[cfg(feature = "render")]
-use city3d_network::link::exchange::PictureForm;
 use city3d_network::link::exchange::Subject;
+#[cfg(feature = "render")]
+use city3d_network::link::exchange::{CameraShows, PictureForm};
 use city3d_ros2::{Ros2Middleware, Ros2Network, Ros2Node, Ros2Options, VehicleTopics};
+#[cfg(feature = "window")]
+use city3d_session::End;
 use city3d_session::remote::PoseFeedback;
 use city3d_session::robots::CaptureEnd;
 use city3d_session::ros::{RosFeedback, RosMotionCapture, RosNode, physical_subjects_of, subjects_of};
@@ -21,7 +23,7 @@ use std::net::Ipv4Addr;
 const END: &str = "ros2";
 
 /// Options of poses over ROS 2.
-#[derive(Clone, Debug, Args)]
+#[derive(Clone, Debug, Default, Args)]
 pub struct Ros2Args {
     /// Exchange poses over ROS 2 as ros2-vicon-receiver does [default domain: ROS_DOMAIN_ID, or 0]
     #[arg(long, value_name = "DOMAIN", num_args = 0..=1, require_equals = true, group = "transport")]
@@ -43,9 +45,10 @@ pub struct Ros2Args {
 }
 
 /// Messages of geometry_msgs.
-#[derive(Clone, Copy, Debug, ValueEnum)]
+#[derive(Clone, Copy, Debug, Default, ValueEnum)]
 enum VehicleTypeArg {
     /// PoseStamped
+    #[default]
     Pose,
     /// TransformStamped
     Transform,
@@ -107,6 +110,16 @@ fn start(options: &Ros2Options) -> Result<Ros2Node, Failure> {
 #[derive(Clone, Debug, Args)]
 pub struct ServedRos2Args {
     #[command(flatten)]
+    published: PublishedRos2Args,
+    /// Let a node of ROS 2 drive the vehicles of the scenario, by trajectories on /city3d/trajectory
+    #[arg(long, requires = "ros2", conflicts_with = "lockstep")]
+    ros2_control: bool,
+}
+
+/// Options of what any city publishes over ROS 2.
+#[derive(Clone, Debug, Default, Args)]
+pub struct PublishedRos2Args {
+    #[command(flatten)]
     node: Ros2Args,
     /// Publish transforms over ROS 2: /tf and /tf_static
     #[arg(long, requires = "ros2")]
@@ -114,9 +127,6 @@ pub struct ServedRos2Args {
     /// Publish simulated time over ROS 2: on /clock and in the stamps
     #[arg(long, requires = "ros2")]
     ros2_clock: bool,
-    /// Let a node of ROS 2 drive the vehicles of the scenario, by trajectories on /city3d/trajectory
-    #[arg(long, requires = "ros2", conflicts_with = "lockstep")]
-    ros2_control: bool,
     #[cfg(feature = "render")]
     #[command(flatten)]
     pictures: Ros2PictureArgs,
@@ -124,7 +134,7 @@ pub struct ServedRos2Args {
 
 /// Options of onboard pictures.
 #[cfg(feature = "render")]
-#[derive(Clone, Debug, Args)]
+#[derive(Clone, Debug, Default, Args)]
 struct Ros2PictureArgs {
     /// Publish onboard pictures over ROS 2: from the scenario's cameras, or one behind each windscreen
     #[arg(long, requires = "ros2")]
@@ -132,15 +142,19 @@ struct Ros2PictureArgs {
     /// Width and height of these pictures in pixels [default: the sensors', or 640x480]
     #[arg(long, value_name = "WxH", requires = "ros2_cameras", value_parser = crate::values::size)]
     ros2_camera_size: Option<[u32; 2]>,
+    /// Publish depth and classes beside the colours, as pixels; separated by commas
+    #[arg(long, value_name = "KIND", requires = "ros2_cameras", value_delimiter = ',')]
+    ros2_kinds: Vec<PictureKindArg>,
     /// Form of these pictures
     #[arg(long, value_name = "FORM", requires = "ros2_cameras", default_value = "jpeg")]
     ros2_pictures: PictureFormArg,
 }
 
 #[cfg(feature = "render")]
-#[derive(Clone, Copy, Debug, ValueEnum)]
+#[derive(Clone, Copy, Debug, Default, ValueEnum)]
 enum PictureFormArg {
     /// CompressedImage, JPEG
+    #[default]
     Jpeg,
     /// CompressedImage, PNG
     Png,
@@ -149,7 +163,44 @@ enum PictureFormArg {
 }
 
 #[cfg(feature = "render")]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum PictureKindArg {
+    /// Image, 32FC1: metres along the optical axis
+    Depth,
+    /// Image, 8UC1: class number of each pixel
+    Classes,
+}
+
+#[cfg(feature = "render")]
+impl PictureKindArg {
+    fn shows(self) -> CameraShows {
+        match self {
+            Self::Depth => CameraShows::Depth,
+            Self::Classes => CameraShows::Classes,
+        }
+    }
+}
+
+#[cfg(feature = "render")]
 impl Ros2PictureArgs {
+    /// The cameras that are asked for, which the node is told.
+    fn cameras(
+        &self,
+        experiment: &Experiment,
+        options: &mut Ros2Options,
+    ) -> Result<PublishedCameras, Failure> {
+        let cameras = match self.ros2_cameras {
+            true => {
+                let kinds = self.ros2_kinds.iter().map(|kind| kind.shows());
+                let shown: Vec<_> = [CameraShows::Colour].into_iter().chain(kinds).collect();
+                PublishedCameras::carried(experiment, self.ros2_camera_size, &shown, "--ros2-cameras")?
+            }
+            false => PublishedCameras::default(),
+        };
+        (options.cameras, options.picture_form) = (cameras.names(), self.form());
+        Ok(cameras)
+    }
+
     fn form(&self) -> PictureForm {
         match self.ros2_pictures {
             PictureFormArg::Jpeg => PictureForm::Jpeg,
@@ -166,8 +217,7 @@ impl ServedRos2Args {
         experiment: &Experiment,
         #[cfg(feature = "render")] look: &LookArgs,
     ) -> Result<ServedEnds, Failure> {
-        let Some(mut options) = self.node.options("city3d")? else { return Ok(ServedEnds::default()) };
-        (options.has_tf, options.has_clock) = (self.ros2_tf, self.ros2_clock);
+        let Some(mut options) = self.published.options()? else { return Ok(ServedEnds::default()) };
         options.subscribed = physical_subjects_of(experiment);
         if self.ros2_control {
             let driven = |planned: &city3d_simulation::scenario::PlannedVehicle| Subject {
@@ -177,25 +227,44 @@ impl ServedRos2Args {
             options.driven = experiment.vehicles.iter().map(driven).collect();
         }
         #[cfg(feature = "render")]
-        let cameras = match self.pictures.ros2_cameras {
-            true => PublishedCameras::carried(experiment, self.pictures.ros2_camera_size, "--ros2-cameras")?,
-            false => PublishedCameras::default(),
-        };
-        #[cfg(feature = "render")]
-        {
-            (options.cameras, options.picture_form) = (cameras.names(), self.pictures.form());
-        }
+        let cameras = self.published.pictures.cameras(experiment, &mut options)?;
         let node = start(&options)?;
         let mut ends = ServedEnds::default();
         if self.ros2_control {
             ends.trajectories = Some(Box::new(node.trajectories()));
         }
-        let node = RosNode::new(Box::new(node), END, self.ros2_clock);
+        let node = RosNode::new(Box::new(node), END, options.has_clock);
         ends.capture = Some(Box::new(node.capture()));
         ends.urgent.push(Box::new(node.poses()));
         #[cfg(feature = "render")]
         ends.later.extend(cameras.publish(&node, experiment, look)?);
         Ok(ends)
+    }
+}
+
+impl PublishedRos2Args {
+    /// Settings of the node of a city, where the arguments ask for one.
+    fn options(&self) -> Result<Option<Ros2Options>, Failure> {
+        let options = self.node.options("city3d")?;
+        Ok(options.map(|options| Ros2Options { has_tf: self.ros2_tf, has_clock: self.ros2_clock, ..options }))
+    }
+
+    /// The ends of a city that runs in a window: poses of all its vehicles, and pictures where they are asked for. None
+    /// where ROS 2 is not asked for.
+    #[cfg(feature = "window")]
+    pub fn ends(&self, experiment: &Experiment, look: &LookArgs) -> Result<Vec<Box<dyn End>>, Failure> {
+        let Some(mut options) = self.options()? else { return Ok(Vec::new()) };
+        let cameras = self.pictures.cameras(experiment, &mut options)?;
+        let node = RosNode::new(Box::new(start(&options)?), END, options.has_clock);
+        let mut ends: Vec<Box<dyn End>> = vec![Box::new(node.all_poses(experiment))];
+        ends.extend(cameras.publish(&node, experiment, look)?);
+        Ok(ends)
+    }
+
+    /// Whether ROS 2 is asked for.
+    #[cfg(feature = "window")]
+    pub fn is_asked(&self) -> bool {
+        self.node.ros2.is_some()
     }
 }
 

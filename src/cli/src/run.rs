@@ -68,13 +68,13 @@ pub fn run(args: &RunArgs) -> Result<(), Failure> {
         experiment: &experiment,
         origin: LogOrigin::Run,
         snapshot_hz: args.log.options().log_hz,
-        #[cfg(all(feature = "foxglove", feature = "render"))]
-        look: None,
+        #[cfg(feature = "render")]
+        look: super::look::LookArgs::default(),
     };
     let run = Run::new(Arc::clone(&experiment)).map_err(Failure::bad_input)?;
     let (written, bar) = (files.written(), progress::simulated_seconds(experiment.duration_s));
     let session = session_of(run, &experiment, files, (args.speed, stop), bar);
-    let (session, foxglove) = args.foxglove.attach(session, offered)?;
+    let (session, foxglove) = args.foxglove.attach(args.foxglove.place()?.as_mut(), session, offered)?;
     let summary = summary_of(foxglove.publishing(session)?, &written)?;
     conclude(&summary, &experiment, Some(&folder), args.json)?;
     fail_if_stopped(&summary, &experiment)

@@ -5,6 +5,7 @@ use super::foxglove::{FoxgloveArgs, OfferedCity};
 use super::ros::ServedRosArgs;
 use super::ros2::ServedRos2Args;
 use super::say::say;
+use super::web::{self, PagedCity, WebArgs};
 use super::{Failure, LinkArgs, ScenarioArgs, load, on_end, status};
 use city3d_logbook::record::LogOrigin;
 use city3d_network::link::AllowedNetwork;
@@ -49,9 +50,8 @@ pub struct ServeArgs {
     ros: ServedRosArgs,
     #[command(flatten)]
     ros2: ServedRos2Args,
-    #[cfg(feature = "web")]
     #[command(flatten)]
-    web: super::web::WebArgs,
+    web: WebArgs,
     #[command(flatten)]
     foxglove: FoxgloveArgs,
     /// Open no window [default where there is no display]
@@ -103,31 +103,30 @@ pub fn serve(args: &ServeArgs) -> Result<(), Failure> {
         .with_end(poses);
     session = urgent.into_iter().fold(session, Session::with_end).with_end(Box::new(files));
     session = later.into_iter().fold(session, Session::with_end);
-    #[cfg(feature = "web")]
-    let web = args.web.start(&experiment, session.orders())?;
-    #[cfg(feature = "web")]
-    if let Some(web) = &web {
-        session = session.with_end(Box::new(web.end()));
+    let paged = PagedCity {
+        experiment: &experiment,
         #[cfg(feature = "render")]
-        web.draw(super::look::opener(&args.ros.look(), &experiment));
-    }
+        look: &args.ros.look(),
+    };
+    let (session, page) = web::attach(args.web.place()?.as_mut(), session, &paged)?;
     let offered = OfferedCity {
         experiment: &experiment,
         origin: LogOrigin::Served,
         snapshot_hz: file_options.log_hz,
-        #[cfg(all(feature = "foxglove", feature = "render"))]
-        look: Some(args.ros.look()),
+        #[cfg(feature = "render")]
+        look: args.ros.look(),
     };
-    let (mut session, foxglove) = args.foxglove.attach(session, offered)?;
+    let (mut session, foxglove) = args.foxglove.attach(args.foxglove.place()?.as_mut(), session, offered)?;
     if args.is_watched() {
         session = session.reporting(status::reporter());
     }
     let pace = if args.lockstep { ", in lockstep" } else { "" };
     say(format_args!("{} is served on udp {address}{pace}", experiment.name))?;
     let session = session.spawn(Some(Arc::clone(&written)))?;
-    #[cfg(feature = "web")]
-    web.iter().try_for_each(|web| super::web::open(web, &session))?;
-    foxglove.open(&session)?;
+    page.open(&session);
+    page.say()?;
+    foxglove.open(&session);
+    foxglove.say()?;
     if let Some(session) = args.show(session, &experiment)? {
         session.wait()?;
     }

@@ -23,11 +23,11 @@ pub fn on_end() -> Result<Arc<AtomicBool>, Failure> {
     Ok(ends)
 }
 
-/// Calls this at each signal that [`on_end`] knows, on a thread of its own, for a window that waits for events.
+/// Calls this at each signal that [`on_end`] knows, on a thread of its own, for what waits for something else.
 ///
 /// # Errors
 /// When the operating system refuses a handler or the thread.
-#[cfg(feature = "window")]
+#[cfg(any(feature = "web", feature = "window"))]
 pub fn at_end(told: impl Fn() + Send + 'static) -> Result<(), Failure> {
     end_at_second_interrupt().map_err(Failure::failed)?;
     let mut signals = signal_hook::iterator::Signals::new(ending()).map_err(Failure::failed)?;

@@ -3,6 +3,7 @@
 use super::overwrite::OverwriteArgs;
 use super::say::{complain, say};
 use super::signals::at_end;
+use super::window_ends::{WindowEnds, WindowEndsArgs};
 use super::{ChangeArgs, Failure, LinkArgs, ScenarioArgs, load, look, on_end};
 use city3d_logbook::record::{LogOrigin, LogReader};
 use city3d_outputs::refuse_inputs;
@@ -13,8 +14,8 @@ use city3d_session::{FileOptions, Host, RunFiles, RunFolders, Session, SessionHa
 use city3d_simulation::scenario::Experiment;
 use city3d_viewer::ui::{CameraMode, CityKind, QualityPreset, Theme};
 use city3d_viewer::window::{
-    self, CitySubject, LogLocation, QualityChoice, QuitSignal, ScenarioSubject, WindowError, WindowOptions,
-    WindowPicture, WindowSubject,
+    self, CitySubject, LogLocation, QualityChoice, QuitSignal, ScenarioSubject, SessionEnds, WindowError,
+    WindowOptions, WindowPicture, WindowSubject,
 };
 use clap::{Args, ValueEnum};
 use serde::Serialize;
@@ -54,6 +55,8 @@ pub struct ViewArgs {
     driven: bool,
     #[command(flatten)]
     elsewhere: ElsewhereArgs,
+    #[command(flatten)]
+    ends: WindowEndsArgs,
     #[command(flatten)]
     window: WindowArgs,
 }
@@ -167,30 +170,43 @@ pub fn view(args: &ViewArgs) -> Result<(), Failure> {
     if args.window.picture.at.is_some() && args.window.picture.picture.is_none() {
         return Err(Failure::bad_input("--at needs --picture FILE; the window starts at 0"));
     }
+    let ends = args.ends.ends(&args.window.look)?;
+    if ends.is_some() && args.window.picture.picture.is_some() {
+        return Err(Failure::bad_input(
+            "--web, --foxglove and --ros2 need a window, and --picture opens none",
+        ));
+    }
     if let Some(city) = &args.elsewhere.city {
-        return show(&WindowSubject::City(args.watched(city)?), &args.window);
+        if args.ends.has_ros2() {
+            return Err(Failure::bad_input(
+                "--ros2 publishes the poses of a city that runs here: give it to the city3d serve of that city",
+            ));
+        }
+        let subject = WindowSubject::City(args.watched(city, ends.as_ref())?);
+        return show(&subject, &args.window.options(), &args.window);
     }
     // Each run has its own folder: run-1, run-2.
     args.out.iter().try_for_each(|folder| args.overwrite.policy().check_runs(folder, "run-"))?;
-    show(&WindowSubject::Scenario(args.subject()), &args.window)
+    let ends = ends.map(|ends| Arc::new(ends) as Arc<dyn SessionEnds>);
+    let options = WindowOptions { ends, ..args.window.options() };
+    show(&WindowSubject::Scenario(args.subject()), &options, &args.window)
 }
 
 /// Shows a recorded run.
 pub fn replay(log: &Path, args: &WindowArgs) -> Result<(), Failure> {
     // Reports a bad log before the display is opened.
     LogReader::open(log).map_err(Failure::bad_input)?;
-    show(&WindowSubject::Log(log.to_path_buf()), args)
+    show(&WindowSubject::Log(log.to_path_buf()), &args.options(), args)
 }
 
-fn show(subject: &WindowSubject, args: &WindowArgs) -> Result<(), Failure> {
-    let options = args.options();
+fn show(subject: &WindowSubject, options: &WindowOptions, args: &WindowArgs) -> Result<(), Failure> {
     let Some(file) = &args.picture.picture else {
         if !matches!(subject, WindowSubject::City(_)) {
             // Signals end the session of a city, and its window with it.
             let quit = options.quit.clone();
             at_end(move || quit.give())?;
         }
-        let recorded = window::open(subject, &options)?;
+        let recorded = window::open(subject, options)?;
         for run in &recorded {
             say(format_args!("{}: recorded in {}", run.scenario, run.folder.display()))?;
         }
@@ -205,7 +221,7 @@ fn show(subject: &WindowSubject, args: &WindowArgs) -> Result<(), Failure> {
         WindowSubject::Log(log) => log.clone(),
     };
     refuse_inputs(&[input], [file.clone()])?;
-    let WindowPicture { image, truncation } = window::picture(subject, &options)?;
+    let WindowPicture { image, truncation } = window::picture(subject, options)?;
     if let (Some(why), WindowSubject::Log(log)) = (truncation, subject) {
         complain(format_args!(
             "{}: the log is truncated: {why}; it is shown up to its last whole record",
@@ -261,6 +277,12 @@ pub fn has_display() -> bool {
 }
 
 impl WindowArgs {
+    /// The looks of the city.
+    #[cfg(feature = "web")]
+    pub fn look(&self) -> &look::LookArgs {
+        &self.look
+    }
+
     fn options(&self) -> WindowOptions {
         WindowOptions {
             adapter: self.look.adapter.as_deref().map(AdapterPreference::parse),
@@ -277,6 +299,7 @@ impl WindowArgs {
             theme: self.picture.theme,
             ui_scale: self.picture.ui_scale,
             quit: QuitSignal::default(),
+            ends: None,
         }
     }
 }
@@ -288,7 +311,7 @@ impl ViewArgs {
     }
 
     /// A session that watches a city elsewhere, or visits it.
-    fn watched(&self, city: &str) -> Result<CitySubject, Failure> {
+    fn watched(&self, city: &str, ends: Option<&WindowEnds>) -> Result<CitySubject, Failure> {
         let (host, stop) = (Host::system(), on_end()?);
         let link = LinkArgs { world: self.elsewhere.world.unwrap_or(1), key: self.elsewhere.key.clone() };
         let options = RemoteOptions {
@@ -319,8 +342,12 @@ impl ViewArgs {
         let files =
             RunFiles::new(folders, LogOrigin::Mainframe, options).in_claimed(claimed).without_waiting();
         let written = files.written();
-        let session = Session::new(source, host).stopped_by(stop).with_end(Box::new(files));
+        let mut session = Session::new(source, host).stopped_by(stop).with_end(Box::new(files));
+        if let Some(ends) = ends {
+            session = ends.attach_servers(session, &experiment, LogOrigin::Mainframe)?;
+        }
         let session = session.spawn(Some(written))?;
+        ends.map_or(Ok(()), |ends| ends.open(&session))?;
         Ok(CitySubject::new(session, (args.request(), experiment), CityKind::Elsewhere))
     }
 

@@ -1,10 +1,11 @@
-//! The web page of a served city: its options, and the server that they ask for.
+//! The web page of a city: its options, and the server that they ask for.
 
 use crate::Failure;
 use crate::say::say;
-use city3d_session::{OrderSender, SessionHandle, Token};
+use crate::served_at::ServedAt;
+use city3d_session::{Session, SessionHandle, Source};
 use city3d_simulation::scenario::Experiment;
-use city3d_web::{WebOptions, WebServer};
+use city3d_web::{PageOrders, WebOptions, WebServer};
 use clap::Args;
 use std::sync::Arc;
 
@@ -12,7 +13,7 @@ use std::sync::Arc;
 const USUAL_ADDRESS: &str = "127.0.0.1:8080";
 
 /// Options of the web page.
-#[derive(Clone, Debug, Args)]
+#[derive(Clone, Debug, Default, Args)]
 pub struct WebArgs {
     /// Serve a web page of the city; the address that is printed gives orders, without its token a page watches
     /// [default: 127.0.0.1:8080, for this machine only]
@@ -20,32 +21,61 @@ pub struct WebArgs {
     web: Option<Option<String>>,
 }
 
+/// What is served of a city.
+pub struct PagedCity<'a> {
+    pub experiment: &'a Arc<Experiment>,
+    /// How its pictures look.
+    #[cfg(feature = "render")]
+    pub look: &'a crate::look::LookArgs,
+}
+
+/// The server, where one is asked for. It ends when this is dropped.
+#[derive(Debug)]
+pub struct ServedPage(Option<WebServer>);
+
 impl WebArgs {
-    /// Starts the server, where it is asked for.
-    pub fn start(
-        &self,
-        experiment: &Arc<Experiment>,
-        orders: Option<OrderSender>,
-    ) -> Result<Option<WebServer>, Failure> {
-        let (Some(address), Some(orders)) = (&self.web, orders) else { return Ok(None) };
-        let address = address.clone().unwrap_or_else(|| USUAL_ADDRESS.to_owned());
-        let token = Token::draw().map_err(Failure::failed)?;
-        let experiment = Arc::clone(experiment);
-        let server = WebServer::start(WebOptions { address, token, experiment, orders })
-            .map_err(Failure::bad_input)?;
-        if !server.address().ip().is_loopback() {
-            tracing::warn!(
-                "the web page at {} can be reached from other machines, and is not encrypted: whoever can read the \
-                 network can read its token",
-                server.address()
-            );
-        }
-        Ok(Some(server))
+    /// Where the page is served; `None` where none is asked for.
+    pub fn place(&self) -> Result<Option<ServedAt>, Failure> {
+        ServedAt::asked(self.web.as_ref(), USUAL_ADDRESS)
     }
 }
 
-/// Shows the page what the session publishes, and tells where it is.
-pub fn open(server: &WebServer, session: &SessionHandle) -> Result<(), Failure> {
-    server.watch(session.published());
+/// Starts the server.
+pub fn start(at: &mut ServedAt, orders: PageOrders, city: &PagedCity<'_>) -> Result<WebServer, Failure> {
+    let ServedAt { address, token } = at.clone();
+    let experiment = Arc::clone(city.experiment);
+    let options = WebOptions::new(address, token, experiment, orders);
+    let server = WebServer::start(options).map_err(Failure::bad_input)?;
+    at.bound("the web page", server.address());
+    #[cfg(feature = "render")]
+    server.draw(crate::look::opener(city.look, city.experiment));
+    Ok(server)
+}
+
+/// Starts the server of a session, where there is a place for it.
+pub fn attach<S: Source>(
+    at: Option<&mut ServedAt>,
+    session: Session<S>,
+    city: &PagedCity<'_>,
+) -> Result<(Session<S>, ServedPage), Failure> {
+    let (Some(at), Some(orders)) = (at, session.orders()) else { return Ok((session, ServedPage(None))) };
+    let server = start(at, PageOrders::City(orders), city)?;
+    Ok((session.with_end(Box::new(server.end())), ServedPage(Some(server))))
+}
+
+impl ServedPage {
+    /// Shows the page what the session publishes.
+    pub fn open(&self, session: &SessionHandle) {
+        self.0.iter().for_each(|server| server.watch(session.published()));
+    }
+
+    /// Tells where the page is.
+    pub fn say(&self) -> Result<(), Failure> {
+        self.0.iter().try_for_each(tell)
+    }
+}
+
+/// Tells where a page is.
+pub fn tell(server: &WebServer) -> Result<(), Failure> {
     say(format_args!("the web page is at {}", server.url()))
 }

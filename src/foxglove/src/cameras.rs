@@ -5,14 +5,11 @@ use crate::hub::Hub;
 use crate::publisher::encoded;
 use crate::scene::{stamp, transform};
 use city3d_logbook::record::message::nanoseconds;
-use city3d_render::Image;
 use city3d_sensors::{Projection, View};
 use city3d_session::pictures::{
-    CarriedCamera, OpenRenderer, PictureError, PictureStamps, PictureThread, TakenPicture,
+    CarriedCamera, OpenRenderer, PictureError, PictureStamps, PictureThread, TakenPicture, jpeg,
 };
 use foxglove::messages::{CameraCalibration, CompressedImage, FrameTransforms};
-use image::ExtendedColorType;
-use image::codecs::jpeg::JpegEncoder;
 use rayon::prelude::*;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -96,7 +93,8 @@ fn publish(hub: &Hub, camera: &PublishedCamera, taken: &TakenPicture) {
     if !camera.image.is_wanted() {
         return;
     }
-    match jpeg(&taken.image) {
+    let Some(image) = &taken.pictures.rgb else { return };
+    match jpeg(image, JPEG_QUALITY) {
         Ok(data) => {
             let message = CompressedImage {
                 timestamp: stamp(time_ns),
@@ -125,15 +123,4 @@ fn calibration(view: &View, frame: &str, time_ns: u64) -> Option<CameraCalibrati
         r: vec![1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0],
         p: vec![k.fx, 0.0, k.cx, 0.0, 0.0, k.fy, k.cy, 0.0, 0.0, 0.0, 1.0, 0.0],
     })
-}
-
-fn jpeg(image: &Image) -> image::ImageResult<Vec<u8>> {
-    let mut bytes = Vec::new();
-    JpegEncoder::new_with_quality(&mut bytes, JPEG_QUALITY).encode(
-        &image.rgb,
-        image.width,
-        image.height,
-        ExtendedColorType::Rgb8,
-    )?;
-    Ok(bytes)
 }

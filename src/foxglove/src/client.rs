@@ -2,19 +2,18 @@
 
 use crate::channel::Channel;
 use crate::control::{self, PARAMETERS, Service};
-use crate::counters::Counters;
 use crate::handshake::Access;
 use crate::hub::Offered;
 use crate::outbox::{Next, Outbox};
 use crate::protocol::{self, Level, Parameter, Request, ServiceCall, Subscription};
 use crate::server::Shared;
-use city3d_session::Order;
+use city3d_network::listener::{Patience, count};
+use city3d_session::{MessageRate, Order};
 use futures_util::stream::{SplitSink, SplitStream};
 use futures_util::{SinkExt, StreamExt};
 use serde_json::{Value, json};
 use std::collections::BTreeSet;
 use std::sync::Arc;
-use std::sync::atomic::Ordering;
 use std::time::Duration;
 use tokio::net::TcpStream;
 use tokio::sync::{Semaphore, mpsc};
@@ -24,16 +23,16 @@ use tokio_tungstenite::tungstenite::protocol::CloseFrame;
 use tokio_tungstenite::tungstenite::protocol::frame::coding::CloseCode;
 use tokio_tungstenite::tungstenite::{Bytes, Message as Packet};
 
-/// A client that takes longer to read what it is sent is disconnected.
-const SEND_TIMEOUT: Duration = Duration::from_secs(5);
+/// How long the server waits for a client. It asks for a sign of life at a third of the longest silence.
+pub const PATIENCE: Patience = Patience {
+    request: Duration::from_secs(5),
+    send: Duration::from_secs(5),
+    silence: Duration::from_secs(50),
+};
 /// Messages that are handed to the socket before it has to have taken them.
 const BATCH: usize = 64;
-/// A client is asked for a sign of life so often, and disconnected after a silence of [`SILENCE`].
-const PING_INTERVAL: Duration = Duration::from_secs(15);
-const SILENCE: Duration = Duration::from_secs(50);
-/// Messages of a client within [`RATE_WINDOW`], at most.
+/// Messages of a client in a second, at most.
 const MAX_RATE: u32 = 200;
-const RATE_WINDOW: Duration = Duration::from_secs(1);
 /// Orders of a client that wait for their answers, at most.
 const MAX_CALLS: usize = 8;
 /// Interval at which changes of parameters are told.
@@ -70,11 +69,11 @@ pub(crate) async fn serve(socket: Socket, access: Access, shared: &Arc<Shared>) 
         told: Vec::new(),
         replies,
         calls: Arc::new(Semaphore::new(MAX_CALLS)),
-        rate: (Instant::now(), 0),
+        rate: MessageRate::new(MAX_RATE, Instant::now().into_std()),
     };
-    shared.counters.clients.fetch_add(1, Ordering::Relaxed);
+    shared.counters.peers.enter();
     let parting = client.exchange(&mut from, answers).await;
-    shared.counters.clients.fetch_sub(1, Ordering::Relaxed);
+    shared.counters.peers.leave();
     shared.hub.leave(number);
     client.part(parting).await;
 }
@@ -93,8 +92,7 @@ struct Client<'a> {
     /// Answers of orders that are carried out beside the exchange.
     replies: mpsc::Sender<Packet>,
     calls: Arc<Semaphore>,
-    /// Begin of the present window, and messages in it.
-    rate: (Instant, u32),
+    rate: MessageRate,
 }
 
 impl Client<'_> {
@@ -108,15 +106,16 @@ impl Client<'_> {
             return parting;
         }
         offered.mark_changed();
-        let (mut pings, mut looks) = (interval(PING_INTERVAL), interval(PARAMETER_INTERVAL));
+        let silence = self.shared.patience.silence;
+        let (mut pings, mut looks) = (interval(silence / 3), interval(PARAMETER_INTERVAL));
         pings.set_missed_tick_behavior(MissedTickBehavior::Delay);
         looks.set_missed_tick_behavior(MissedTickBehavior::Delay);
-        let mut silent_at = Instant::now() + SILENCE;
+        let mut silent_at = Instant::now() + silence;
         let outbox = Arc::clone(&self.outbox);
         loop {
             let outcome = tokio::select! {
                 packet = from.next() => {
-                    silent_at = Instant::now() + SILENCE;
+                    silent_at = Instant::now() + silence;
                     match packet {
                         Some(Ok(packet)) => self.take(packet).await,
                         Some(Err(error)) => Err(parting_of(&error)),
@@ -149,7 +148,7 @@ impl Client<'_> {
         self.send_text(info).await?;
         self.send_text(protocol::advertise_services(&Service::ALL.map(Service::advertisement))).await?;
         if self.access == Access::WrongToken {
-            Counters::add(&self.shared.counters.wrong_tokens, 1);
+            count(&self.shared.counters.peers.wrong_tokens, 1);
             return self.warn("the token of this address is wrong: this connection only watches").await;
         }
         Ok(())
@@ -182,12 +181,7 @@ impl Client<'_> {
     }
 
     async fn take(&mut self, packet: Packet) -> Result<(), Parting> {
-        let now = Instant::now();
-        if now.duration_since(self.rate.0) > RATE_WINDOW {
-            self.rate = (now, 0);
-        }
-        self.rate.1 += 1;
-        if self.rate.1 > MAX_RATE {
+        if !self.rate.admits(Instant::now().into_std()) {
             return Err(Parting::Invalid("too many messages"));
         }
         match packet {
@@ -291,7 +285,7 @@ impl Client<'_> {
     /// What a client of the right token wants; `None` of others.
     fn allowed<T>(&self, wanted: T) -> Option<T> {
         if self.access != Access::Order {
-            Counters::add(&self.shared.counters.forbidden, 1);
+            count(&self.shared.counters.peers.forbidden, 1);
             return None;
         }
         Some(wanted)
@@ -325,7 +319,7 @@ impl Client<'_> {
     /// Does something beside the exchange; `false` where too much is done already.
     fn beside(&self, work: impl Future<Output = ()> + Send + 'static) -> bool {
         let Ok(place) = Arc::clone(&self.calls).try_acquire_owned() else {
-            Counters::add(&self.shared.counters.lost_orders, 1);
+            count(&self.shared.counters.peers.lost_orders, 1);
             return false;
         };
         tokio::spawn(async move {
@@ -369,7 +363,7 @@ impl Client<'_> {
             }
             sink.flush().await
         };
-        let outcome = timeout(SEND_TIMEOUT, work).await;
+        let outcome = timeout(self.shared.patience.send, work).await;
         self.sent(outcome.map(|sent| sent.map_err(|_| Parting::Gone)), count as u64)
     }
 
@@ -382,14 +376,14 @@ impl Client<'_> {
     }
 
     async fn send(&mut self, packet: Packet) -> Result<(), Parting> {
-        let outcome = timeout(SEND_TIMEOUT, self.sink.send(packet)).await;
+        let outcome = timeout(self.shared.patience.send, self.sink.send(packet)).await;
         self.sent(outcome.map(|sent| sent.map_err(|_| Parting::Gone)), 1)
     }
 
-    fn sent<E>(&self, outcome: Result<Result<(), Parting>, E>, count: u64) -> Result<(), Parting> {
+    fn sent<E>(&self, outcome: Result<Result<(), Parting>, E>, sent: u64) -> Result<(), Parting> {
         match outcome {
             Ok(Ok(())) => {
-                Counters::add(&self.shared.counters.messages, count);
+                count(&self.shared.counters.peers.messages, sent);
                 Ok(())
             }
             Ok(Err(parting)) => Err(parting),
@@ -399,16 +393,16 @@ impl Client<'_> {
 
     /// Says why it is disconnected where that may be heard.
     async fn part(mut self, parting: Parting) {
-        let counters = &self.shared.counters;
+        let counters = &self.shared.counters.peers;
         match parting {
             // Who says goodbye is answered; who has gone does not mind.
-            Parting::Gone => drop(timeout(SEND_TIMEOUT, self.sink.close()).await),
-            Parting::Slow => Counters::add(&counters.slow, 1),
+            Parting::Gone => drop(timeout(self.shared.patience.send, self.sink.close()).await),
+            Parting::Slow => count(&counters.slow, 1),
             Parting::Invalid(why) => {
-                Counters::add(&counters.invalid, 1);
+                count(&counters.invalid, 1);
                 let frame = CloseFrame { code: CloseCode::Policy, reason: why.into() };
                 // Who sends nonsense need not hear of it.
-                let _ = timeout(SEND_TIMEOUT, self.sink.send(Packet::Close(Some(frame)))).await;
+                let _ = timeout(self.shared.patience.send, self.sink.send(Packet::Close(Some(frame)))).await;
             }
         }
     }

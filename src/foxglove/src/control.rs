@@ -1,8 +1,8 @@
 //! Orders of clients: parameters and services. The source of the session decides about them, as about those of a window.
 
-use crate::counters::Counters;
 use crate::metrics::speed_factor;
 use crate::protocol::{JSON, Parameter};
+use city3d_network::listener::{PeerCounters, count};
 use city3d_session::{Order, OrderSender, PublishedState, RunPhase, RunState, Speed};
 use serde_json::{Value, json};
 use std::sync::{Arc, OnceLock};
@@ -112,7 +112,7 @@ pub(crate) struct Control {
     orders: OrderSender,
     state: Arc<OnceLock<PublishedState>>,
     scenario: String,
-    counters: Arc<Counters>,
+    counters: Arc<PeerCounters>,
 }
 
 impl Control {
@@ -120,7 +120,7 @@ impl Control {
         orders: OrderSender,
         state: Arc<OnceLock<PublishedState>>,
         scenario: &str,
-        counters: Arc<Counters>,
+        counters: Arc<PeerCounters>,
     ) -> Self {
         Self { orders, state, scenario: scenario.to_owned(), counters }
     }
@@ -157,7 +157,7 @@ impl Control {
         let Some(before) = self.state() else { return Err("the city has not begun yet".to_owned()) };
         let refusals = |state: &RunState| state.refusal.as_ref().map_or(0, |(count, _)| *count);
         if !self.orders.send(order.clone()) {
-            Counters::add(&self.counters.lost_orders, 1);
+            count(&self.counters.lost_orders, 1);
             return Err("the city takes no more orders now".to_owned());
         }
         let until = Instant::now() + ANSWER_TIMEOUT;

@@ -7,6 +7,7 @@ use crate::counters::Counters;
 use crate::hub::Hub;
 use city3d_logbook::record::LogTopic;
 use city3d_logbook::record::message::nanoseconds;
+use city3d_network::listener::count;
 use city3d_protocol::snapshot::FrameSnapshot;
 use city3d_session::{EncodedMessages, End, EndHealth, LogMessages, Moment, MomentKind};
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -142,7 +143,7 @@ impl FoxgloveEnd {
         let waiting = self.way.bytes.fetch_add(size, Ordering::Relaxed);
         if waiting + size > MAX_BYTES || self.queue.try_send(told).is_err() {
             self.way.bytes.fetch_sub(size, Ordering::Relaxed);
-            Counters::add(&self.counters.lost_moments, 1);
+            count(&self.counters.lost_moments, 1);
         }
     }
 }
@@ -171,7 +172,7 @@ impl End for FoxgloveEnd {
 
     fn health(&self) -> EndHealth {
         let counts = self.counters.counts();
-        let health = EndHealth { delivered: counts.messages, dropped: counts.dropped(), failure: None };
+        let health = EndHealth { delivered: counts.peers.messages, dropped: counts.dropped(), failure: None };
         #[cfg(feature = "render")]
         if let Some(cameras) = &self.cameras {
             let EndHealth { dropped, failure, .. } = cameras.thread.health();

@@ -4,6 +4,7 @@ use crate::channel::{Channel, CityChannels, Schema, vicon_channel};
 use crate::counters::Counters;
 use crate::outbox::Outbox;
 use city3d_logbook::record::LogTopic;
+use city3d_network::listener::count;
 use city3d_protocol::snapshot::VehicleInfo;
 use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicU32, Ordering};
@@ -185,7 +186,7 @@ impl Hub {
     #[cfg(feature = "render")]
     pub(crate) fn hand_over(&self, channel: &Arc<Channel>, stamp_ns: u64, payload: impl Into<Bytes>) {
         if self.elsewhere.try_send((Arc::clone(channel), stamp_ns, payload.into())).is_err() {
-            Counters::add(&self.counters.skipped, 1);
+            count(&self.counters.skipped, 1);
         }
     }
 
@@ -196,7 +197,7 @@ impl Hub {
         let push = |outbox: &Arc<Outbox>| outbox.push(channel.id, channel.depth, stamp_ns, &payload);
         let dropped = clients.values().map(push).sum();
         drop(clients);
-        Counters::add(&self.counters.skipped, dropped);
+        count(&self.counters.skipped, dropped);
     }
 
     /// Tells all clients the present simulated time.

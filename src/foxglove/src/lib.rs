@@ -23,6 +23,7 @@ mod server;
 
 #[cfg(feature = "render")]
 pub use cameras::NamedCamera;
+pub use client::PATIENCE;
 pub use counters::FoxgloveCounts;
 pub use end::FoxgloveEnd;
 pub use server::{FoxgloveError, FoxgloveOptions, FoxgloveServer};

@@ -1,4 +1,4 @@
-//! The server: its thread, its connections, and what it publishes.
+//! The server: what its connections share, and what it publishes.
 
 use crate::channel::CityChannels;
 use crate::client;
@@ -12,16 +12,16 @@ use crate::protocol::MAX_MESSAGE_BYTES;
 use crate::publisher::Publisher;
 use city3d_logbook::record::message::nanoseconds;
 use city3d_logbook::record::{LogOrigin, LogTopic};
+use city3d_network::listener::{BoundListener, ListenError, Listening, Patience, count};
 use city3d_session::{OrderSender, PublishedState, RunPhase, Token};
 use city3d_simulation::scenario::Experiment;
 use std::io;
-use std::net::{SocketAddr, TcpListener, ToSocketAddrs};
+use std::net::SocketAddr;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, OnceLock};
-use std::thread::JoinHandle;
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 use tokio::net::TcpStream;
-use tokio::sync::{Semaphore, mpsc, watch};
+use tokio::sync::mpsc;
 use tokio::time::{MissedTickBehavior, interval, sleep, timeout};
 use tokio_tungstenite::accept_hdr_async_with_config;
 use tokio_tungstenite::tungstenite::handshake::server::{Request, Response};
@@ -29,12 +29,6 @@ use tokio_tungstenite::tungstenite::protocol::WebSocketConfig;
 
 /// Connections at once, at most; more are refused.
 const MAX_CONNECTIONS: usize = 32;
-/// A client that has not made its request by then is disconnected.
-const HANDSHAKE_TIMEOUT: Duration = Duration::from_secs(5);
-/// Send buffer of a connection, bytes: what a slow client has not read stays little.
-const SEND_BUFFER: usize = 128 << 10;
-/// Pause after an error of the listening socket, such as too many open files.
-const ACCEPT_PAUSE: Duration = Duration::from_millis(100);
 /// Interval at which the latest state is looked at: for metrics, and for a city that stands.
 const LOOK_INTERVAL: Duration = Duration::from_millis(100);
 /// Looks from one message of metrics to the next.
@@ -59,6 +53,8 @@ pub struct FoxgloveOptions {
     pub snapshot_hz: u32,
     /// Gives the session its orders.
     pub orders: OrderSender,
+    /// How long the server waits for a client; [`PATIENCE`](crate::PATIENCE) is usual.
+    pub patience: Patience,
 }
 
 /// Why a city cannot be offered.
@@ -79,6 +75,15 @@ pub enum FoxgloveError {
     Thread(io::Error),
 }
 
+impl From<ListenError> for FoxgloveError {
+    fn from(error: ListenError) -> Self {
+        match error {
+            ListenError::Address { address, error } => Self::Address { address, error },
+            ListenError::Thread(error) => Self::Thread(error),
+        }
+    }
+}
+
 /// What the connections of a server share.
 #[derive(Debug)]
 pub(crate) struct Shared {
@@ -89,6 +94,7 @@ pub(crate) struct Shared {
     pub hub: Arc<Hub>,
     pub control: Control,
     pub counters: Arc<Counters>,
+    pub patience: Patience,
     next_client: AtomicU64,
 }
 
@@ -101,11 +107,9 @@ impl Shared {
 /// A server on a thread of its own. Dropping it ends the thread and disconnects all clients.
 #[derive(Debug)]
 pub struct FoxgloveServer {
-    address: SocketAddr,
+    listening: Listening,
     shared: Arc<Shared>,
     state: Arc<OnceLock<PublishedState>>,
-    stop: watch::Sender<bool>,
-    thread: Option<JoinHandle<()>>,
 }
 
 impl FoxgloveServer {
@@ -115,10 +119,9 @@ impl FoxgloveServer {
     /// # Errors
     /// When the address cannot be bound, or the system refuses the thread.
     pub fn start(options: FoxgloveOptions) -> Result<(Self, FoxgloveEnd), FoxgloveError> {
-        let FoxgloveOptions { address, token, origins, experiment, origin, snapshot_hz, orders } = options;
-        let listener =
-            bind(&address).map_err(|error| FoxgloveError::Address { address: address.clone(), error })?;
-        let bound = listener.local_addr().map_err(FoxgloveError::Thread)?;
+        let FoxgloveOptions { address, token, origins, experiment, origin, snapshot_hz, orders, patience } =
+            options;
+        let listener = BoundListener::bind(&address)?;
         let (counters, state) = (Arc::<Counters>::default(), Arc::<OnceLock<_>>::default());
         let has_signals = !experiment.lab_map.signals.is_empty();
         let channels = CityChannels::new(&LogTopic::of_log(&experiment, origin), has_signals);
@@ -131,21 +134,22 @@ impl FoxgloveServer {
             origins,
             session: SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default().as_millis().to_string(),
             hub: Arc::clone(&hub),
-            control: Control::new(orders, Arc::clone(&state), &experiment.name, Arc::clone(&counters)),
-            counters,
+            control: Control::new(orders, Arc::clone(&state), &experiment.name, Arc::clone(&counters.peers)),
+            counters: Arc::clone(&counters),
+            patience,
             next_client: AtomicU64::new(1),
         });
-        let runtime = tokio::runtime::Builder::new_current_thread()
-            .enable_all()
-            .build()
-            .map_err(FoxgloveError::Thread)?;
-        let (stop, stopped) = watch::channel(false);
-        let (inner, publisher) = (Arc::clone(&shared), Publisher::new(hub, experiment));
+        let publisher = Publisher::new(hub, experiment);
         let sources = Sources { told, elsewhere };
-        let work = move || runtime.block_on(run(listener, inner, (publisher, sources), stopped));
-        let thread = std::thread::Builder::new().name("foxglove".to_owned()).spawn(work);
-        let thread = Some(thread.map_err(FoxgloveError::Thread)?);
-        Ok((Self { address: bound, shared, state, stop, thread }, end))
+        let (of_clients, of_publisher) = (Arc::clone(&shared), Arc::clone(&shared));
+        let serve = move |stream| {
+            let shared = Arc::clone(&of_clients);
+            async move { connection(stream, &shared).await }
+        };
+        let beside = async move { publish(publisher, sources, &of_publisher).await };
+        let listening =
+            listener.listen(("foxglove", MAX_CONNECTIONS), Arc::clone(&counters.peers), serve, beside)?;
+        Ok((Self { listening, shared, state }, end))
     }
 
     /// Shows the states that a session publishes.
@@ -156,18 +160,12 @@ impl FoxgloveServer {
 
     /// The address that it listens on.
     pub fn address(&self) -> SocketAddr {
-        self.address
+        self.listening.address()
     }
 
     /// The address for who may give orders; without its token it is that for who may watch.
     pub fn url(&self) -> String {
-        let mut shown = self.address;
-        if shown.ip().is_unspecified() {
-            shown.set_ip(match shown {
-                SocketAddr::V4(_) => std::net::Ipv4Addr::LOCALHOST.into(),
-                SocketAddr::V6(_) => std::net::Ipv6Addr::LOCALHOST.into(),
-            });
-        }
+        let shown = self.listening.reachable();
         format!("ws://{shown}/?token={}", self.shared.token.text())
     }
 
@@ -177,69 +175,13 @@ impl FoxgloveServer {
     }
 }
 
-impl Drop for FoxgloveServer {
-    fn drop(&mut self) {
-        self.stop.send_replace(true);
-        if let Some(thread) = self.thread.take() {
-            // It has nothing to say.
-            let _ = thread.join();
-        }
-    }
-}
-
-fn bind(address: &str) -> io::Result<TcpListener> {
-    let found = address.to_socket_addrs()?.next();
-    let listener = TcpListener::bind(found.ok_or(io::ErrorKind::AddrNotAvailable)?)?;
-    listener.set_nonblocking(true)?;
-    Ok(listener)
-}
-
 /// What the server publishes besides the latest state.
 struct Sources {
     told: ToldReceiver,
     elsewhere: mpsc::Receiver<Publication>,
 }
 
-async fn run(
-    listener: TcpListener,
-    shared: Arc<Shared>,
-    (publisher, sources): (Publisher, Sources),
-    mut stopped: watch::Receiver<bool>,
-) {
-    let listener = match tokio::net::TcpListener::from_std(listener) {
-        Ok(listener) => listener,
-        Err(error) => return tracing::warn!("Foxglove is not served: {error}"),
-    };
-    tokio::select! {
-        _ = stopped.wait_for(|is_stopped| *is_stopped) => {}
-        () = accept(listener, Arc::clone(&shared)) => {}
-        () = publish(publisher, sources, &shared) => {}
-    }
-}
-
-async fn accept(listener: tokio::net::TcpListener, shared: Arc<Shared>) {
-    let room = Arc::new(Semaphore::new(MAX_CONNECTIONS));
-    loop {
-        let Ok((stream, _)) = listener.accept().await else {
-            sleep(ACCEPT_PAUSE).await;
-            continue;
-        };
-        let Ok(place) = Arc::clone(&room).try_acquire_owned() else {
-            Counters::add(&shared.counters.refused, 1);
-            continue;
-        };
-        let shared = Arc::clone(&shared);
-        tokio::spawn(async move {
-            connection(stream, &shared).await;
-            drop(place);
-        });
-    }
-}
-
 async fn connection(stream: TcpStream, shared: &Arc<Shared>) {
-    // Larger buffers and later packets work too.
-    let _ = stream.set_nodelay(true);
-    let _ = socket2::SockRef::from(&stream).set_send_buffer_size(SEND_BUFFER);
     let config = WebSocketConfig::default()
         .max_message_size(Some(MAX_MESSAGE_BYTES))
         .max_frame_size(Some(MAX_MESSAGE_BYTES));
@@ -251,9 +193,9 @@ async fn connection(stream: TcpStream, shared: &Arc<Shared>) {
         Ok(response)
     };
     let accepted = accept_hdr_async_with_config(stream, admit, Some(config));
-    match timeout(HANDSHAKE_TIMEOUT, accepted).await {
+    match timeout(shared.patience.request, accepted).await {
         Ok(Ok(socket)) => client::serve(socket, access, shared).await,
-        Ok(Err(_)) | Err(_) => Counters::add(&shared.counters.refused, 1),
+        Ok(Err(_)) | Err(_) => count(&shared.counters.peers.refused, 1),
     }
 }
 
@@ -310,7 +252,7 @@ fn publish_metrics(shared: &Shared) {
     if channel.is_wanted()
         && let Some(state) = shared.control.state()
     {
-        let clients = shared.counters.counts().clients;
+        let clients = shared.counters.counts().peers.connected;
         let message = metrics::metrics(&state, clients).to_string();
         shared.hub.publish(channel, nanoseconds(state.now.time_s), message);
     }

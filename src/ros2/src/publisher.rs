@@ -3,7 +3,7 @@
 use crate::Ros2Error;
 use crate::middleware::{Middleware, Offer, TopicPublisher};
 use crate::options::{Ros2Options, VehicleTopics};
-use city3d_network::link::exchange::{OnboardCamera, OnboardPicture, PictureForm, Subject};
+use city3d_network::link::exchange::{CameraShows, OnboardCamera, OnboardPicture, PictureForm, Subject};
 use city3d_protocol::cdr::CdrWriter;
 use city3d_protocol::ros2::{
     CAMERA_INFO, CLOCK, COMPRESSED_IMAGE, IMAGE, POSE_STAMPED, Pixels, Pose, Stamp, TF_MESSAGE,
@@ -195,10 +195,9 @@ impl PublishedTopics {
             PictureForm::Jpeg => {
                 write_compressed_image(cdr, header, "rgb8; jpeg compressed bgr8", &picture.bytes);
             }
-            PictureForm::Rgb8 => {
-                let (extent, bytes) = (picture.extent, &picture.bytes);
-                write_image(cdr, header, &Pixels { extent, encoding: "rgb8", pixel_bytes: 3, bytes });
-            }
+            PictureForm::Rgb8 => write_pixels(cdr, header, picture, ("rgb8", 3)),
+            PictureForm::Depth => write_pixels(cdr, header, picture, ("32FC1", 4)),
+            PictureForm::Classes => write_pixels(cdr, header, picture, ("8UC1", 1)),
         });
         publish(Some(&mut *camera.info), published, |cdr| {
             write_camera_info(cdr, header, picture.extent, picture.pinhole);
@@ -209,15 +208,24 @@ impl PublishedTopics {
     }
 }
 
+fn write_pixels(
+    cdr: &mut CdrWriter,
+    header: (Stamp, &str),
+    picture: &OnboardPicture,
+    (encoding, pixel_bytes): (&str, u32),
+) {
+    let (extent, bytes) = (picture.extent, &picture.bytes);
+    write_image(cdr, header, &Pixels { extent, encoding, pixel_bytes, bytes });
+}
+
 fn advertise_camera(
     middleware: &mut dyn Middleware,
     camera: &OnboardCamera,
     form: PictureForm,
 ) -> Result<CameraTopics, Ros2Error> {
-    let (topic, kind) = match form {
-        PictureForm::Png | PictureForm::Jpeg => (camera.image_topic(), COMPRESSED_IMAGE),
-        PictureForm::Rgb8 => (camera.raw_topic(), IMAGE),
-    };
+    let is_file = camera.shows == CameraShows::Colour && matches!(form, PictureForm::Png | PictureForm::Jpeg);
+    let (topic, kind) =
+        if is_file { (camera.image_topic(), COMPRESSED_IMAGE) } else { (camera.raw_topic(), IMAGE) };
     Ok(CameraTopics {
         frame: camera.frame(),
         image: middleware.publisher(&topic, kind, PICTURES)?,

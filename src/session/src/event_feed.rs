@@ -18,6 +18,11 @@ use std::sync::{Arc, Mutex, PoisonError};
 pub struct EventFeed(Arc<Mutex<Vec<TimelineMark>>>);
 
 impl EventFeed {
+    /// A feed of these events.
+    pub(crate) fn of(marks: &[TimelineMark]) -> Self {
+        Self(Arc::new(Mutex::new(marks.to_vec())))
+    }
+
     fn extend(&self, marks: &[TimelineMark]) {
         self.0.lock().unwrap_or_else(PoisonError::into_inner).extend_from_slice(marks);
     }

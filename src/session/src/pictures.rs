@@ -4,8 +4,10 @@
 use super::end::{End, EndFailure, EndHealth};
 use super::{Moment, MomentKind};
 use city3d_protocol::snapshot::{FrameSnapshot, VehicleId};
-use city3d_render::{Image, RenderError, Renderer};
-use city3d_sensors::{Camera, Lens, Mount, View};
+use city3d_render::{Image, Pictures, RenderError, RenderRequest, Renderer};
+use city3d_sensors::{Camera, Lens, Mount, PictureKind, PictureKinds, View};
+use image::ExtendedColorType;
+use image::codecs::jpeg::JpegEncoder;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::mpsc::{Sender, channel};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
@@ -27,6 +29,8 @@ pub struct CarriedCamera {
     pub lens: Lens,
     /// Simulated seconds from one picture to the next.
     pub every_s: f64,
+    /// What its pictures show of each pixel.
+    pub kind: PictureKind,
 }
 
 /// A finished picture.
@@ -38,8 +42,8 @@ pub struct TakenPicture {
     pub view: View,
     /// When it was taken, by the clock of [`PictureStamps`].
     pub stamp_s: f64,
-    /// The picture.
-    pub image: Image,
+    /// The picture, of the kind of its camera alone.
+    pub pictures: Pictures,
 }
 
 /// The clock of pictures: that of the poses beside them.
@@ -64,9 +68,27 @@ pub enum PictureError {
     /// The operating system refuses a thread.
     #[error("no thread for onboard pictures can be started: {0}")]
     Thread(Box<dyn std::error::Error + Send + Sync>),
+    /// A picture cannot be encoded.
+    #[error("a picture cannot be encoded: {0}")]
+    Encode(#[from] image::ImageError),
     /// The thread that draws has panicked.
     #[error("the thread that draws has ended early")]
     Ended,
+}
+
+/// A picture as a JPEG file; the quality is 1 to 100.
+///
+/// # Errors
+/// Where it is too large for the format.
+pub fn jpeg(image: &Image, quality: u8) -> Result<Vec<u8>, PictureError> {
+    let mut bytes = Vec::new();
+    JpegEncoder::new_with_quality(&mut bytes, quality).encode(
+        &image.rgb,
+        image.width,
+        image.height,
+        ExtendedColorType::Rgb8,
+    )?;
+    Ok(bytes)
 }
 
 fn no_thread(error: impl std::error::Error + Send + Sync + 'static) -> PictureError {
@@ -344,20 +366,28 @@ fn draw_job(
     cameras: &[CarriedCamera],
     job: &DrawJob,
 ) -> Result<Vec<TakenPicture>, RenderError> {
-    let (mut views, mut camera_indices) = (Vec::new(), Vec::new());
+    let (mut requests, mut camera_indices) = (Vec::new(), Vec::new());
     for &k in &job.cameras {
         let camera = Camera::onboard(cameras[k].vehicle, cameras[k].mount);
         // A vehicle that has left since has no picture.
         if let Ok(view) = camera.view(&job.snapshot, &cameras[k].lens) {
-            views.push(view);
+            requests.push(RenderRequest { view, kinds: PictureKinds::NONE.with(cameras[k].kind) });
             camera_indices.push(k);
         }
     }
-    let mut images = Vec::with_capacity(views.len());
-    for batch in renderer.batches(&views) {
-        images.extend(renderer.render(&job.snapshot, &batch)?);
+    let (mut drawn, mut rest) = (Vec::with_capacity(requests.len()), &requests[..]);
+    while !rest.is_empty() {
+        let (batch, after) = rest.split_at(renderer.max_batch_len(rest));
+        drawn.extend(renderer.render_kinds(&job.snapshot, batch)?);
+        rest = after;
     }
-    let taken = camera_indices.into_iter().zip(views).zip(images);
     let stamp_s = job.stamp_s;
-    Ok(taken.map(|((camera, view), image)| TakenPicture { camera, view, stamp_s, image }).collect())
+    let taken = camera_indices.into_iter().zip(&requests).zip(drawn);
+    let taken = taken.map(|((camera, request), pictures)| TakenPicture {
+        camera,
+        view: request.view,
+        stamp_s,
+        pictures,
+    });
+    Ok(taken.collect())
 }

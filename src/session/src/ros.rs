@@ -10,10 +10,11 @@ use city3d_network::link::exchange::{
 };
 use city3d_network::link::feedback::ViconFeedback;
 use city3d_network::link::{Client, ClientEvent};
-use city3d_protocol::snapshot::VehicleInfo;
+use city3d_protocol::snapshot::{VehicleId, VehicleInfo};
 use city3d_protocol::wire::{MAX_AHEAD_S, Measurement};
 use city3d_simulation::runner::RosSummary;
 use city3d_simulation::scenario::{Experiment, PlannedVehicle};
+use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 use thiserror::Error;
@@ -61,7 +62,20 @@ impl RosNode {
 
     /// The end that publishes poses.
     pub fn poses(&self) -> RosPoses {
-        RosPoses { node: self.clone(), roster: Arc::default(), subjects: Arc::default() }
+        RosPoses {
+            node: self.clone(),
+            emulated: BTreeMap::new(),
+            roster: Arc::default(),
+            subjects: Arc::default(),
+        }
+    }
+
+    /// The end that publishes poses of a city without a laboratory: those of its emulated physical vehicles too, under
+    /// the names of their subjects.
+    pub fn all_poses(&self, experiment: &Experiment) -> RosPoses {
+        let physical = physical_subjects_of(experiment).into_iter();
+        let emulated = physical.map(|subject| (subject.vehicle, subject.name)).collect();
+        RosPoses { emulated, ..self.poses() }
     }
 
     /// What hears the poses of physical vehicles.
@@ -83,6 +97,8 @@ pub struct RosAway;
 #[derive(Debug)]
 pub struct RosPoses {
     node: RosNode,
+    /// Subjects of physical vehicles that are emulated in this city.
+    emulated: BTreeMap<VehicleId, String>,
     roster: Arc<Vec<VehicleInfo>>,
     subjects: Arc<Vec<Subject>>,
 }
@@ -99,10 +115,16 @@ impl End for RosPoses {
         let snapshot = moment.snapshot;
         if !Arc::ptr_eq(&self.roster, &snapshot.roster) {
             self.roster = Arc::clone(&snapshot.roster);
-            let subject = |info: &VehicleInfo| Subject { vehicle: info.id, name: info.name.clone() };
-            // Measured vehicles are published by VICON itself.
-            let simulated = self.roster.iter().filter(|info| !info.is_physical());
-            self.subjects = Arc::new(simulated.map(subject).collect());
+            let subject = |info: &VehicleInfo| {
+                // Vehicles that are measured in a laboratory are published by VICON itself.
+                let name = match self.emulated.get(&info.id) {
+                    Some(name) => name,
+                    None if info.is_physical() => return None,
+                    None => &info.name,
+                };
+                Some(Subject { vehicle: info.id, name: name.clone() })
+            };
+            self.subjects = Arc::new(self.roster.iter().filter_map(subject).collect());
         }
         let poses = Measurement::all(snapshot, moment.scale()).collect();
         let stamp_s = if self.node.has_clock { snapshot.time_s } else { moment.unix_s };

@@ -3,15 +3,13 @@
 use super::Moment;
 use super::end::{End, EndHealth};
 use super::pictures::{
-    CarriedCamera, OpenRenderer, PictureError, PictureStamps, PictureThread, TakenPicture,
+    CarriedCamera, OpenRenderer, PictureError, PictureStamps, PictureThread, TakenPicture, jpeg,
 };
 use super::ros::RosNode;
 use city3d_geometry::LengthScale;
 use city3d_network::link::exchange::{OnboardPicture, PictureForm, PictureQueue};
-use city3d_render::{Image, encode_png};
+use city3d_render::{Pictures, encode_png};
 use city3d_sensors::Projection;
-use image::ExtendedColorType;
-use image::codecs::jpeg::JpegEncoder;
 use rayon::prelude::*;
 use std::sync::Arc;
 
@@ -64,11 +62,11 @@ impl End for RosPictures {
 fn publish(queue: &dyn PictureQueue, taken: &[TakenPicture], scale: LengthScale) {
     taken.par_iter().for_each(|taken| {
         let Projection::Pinhole { intrinsics: k, .. } = taken.view.projection else { return };
-        match encode(&taken.image, queue.form()) {
-            Ok(bytes) => queue.send(OnboardPicture {
+        match encode(&taken.pictures, queue.form(), scale) {
+            Ok((form, bytes)) => queue.send(OnboardPicture {
                 camera: taken.camera,
                 stamp_s: taken.stamp_s,
-                form: queue.form(),
+                form,
                 bytes,
                 extent: taken.view.extent,
                 pinhole: [k.fx, k.fy, k.cx, k.cy],
@@ -80,16 +78,25 @@ fn publish(queue: &dyn PictureQueue, taken: &[TakenPicture], scale: LengthScale)
     });
 }
 
-fn encode(image: &Image, form: PictureForm) -> Result<Vec<u8>, String> {
-    match form {
-        PictureForm::Png => encode_png(image).map_err(|error| error.to_string()),
-        PictureForm::Rgb8 => Ok(image.rgb.clone()),
-        PictureForm::Jpeg => {
-            let mut bytes = Vec::new();
-            JpegEncoder::new_with_quality(&mut bytes, JPEG_QUALITY)
-                .encode(&image.rgb, image.width, image.height, ExtendedColorType::Rgb8)
-                .map_err(|error| error.to_string())?;
-            Ok(bytes)
-        }
+/// Colour in the form that is asked for; depth in laboratory metres, and classes, as pixels.
+fn encode(
+    pictures: &Pictures,
+    form: PictureForm,
+    scale: LengthScale,
+) -> Result<(PictureForm, Vec<u8>), String> {
+    if let Some(depth) = &pictures.depth {
+        let metres = depth.values.iter().map(|depth_m| depth_m / scale.factor() as f32);
+        return Ok((PictureForm::Depth, metres.flat_map(f32::to_le_bytes).collect()));
     }
+    if let Some(classes) = &pictures.semantic {
+        return Ok((PictureForm::Classes, classes.values.clone()));
+    }
+    let image = pictures.rgb.as_ref().ok_or("a picture of another kind is not published")?;
+    let bytes = match form {
+        PictureForm::Png => encode_png(image).map_err(|error| error.to_string()),
+        PictureForm::Jpeg => jpeg(image, JPEG_QUALITY).map_err(|error| error.to_string()),
+        PictureForm::Rgb8 => Ok(image.rgb.clone()),
+        PictureForm::Depth | PictureForm::Classes => Err("colour is no depth and no class".to_owned()),
+    }?;
+    Ok((form, bytes))
 }

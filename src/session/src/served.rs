@@ -573,7 +573,7 @@ impl Source for ServedCity {
     fn link(&self) -> Option<LinkSummary> {
         let LinkCounters { received, used, missing, dropped } = self.server.counters();
         let ros = self.capture.as_ref().map(|capture| capture.summary());
-        Some(LinkSummary { received, used, missing, dropped, time_skipped_s: 0.0, ros })
+        Some(LinkSummary { received, used, missing, dropped, time_skipped_s: 0.0, tick_lateness: None, ros })
     }
 
     fn link_status(&self) -> Option<LinkStatus> {

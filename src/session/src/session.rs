@@ -9,6 +9,7 @@ use super::clock::RealTimeFactorMeter;
 use super::decisions::DecisionTeller;
 use super::end::{Ends, RunAccount};
 use super::event_feed::EventCollector;
+use super::lateness::LatenessHistogram;
 use super::playback::TimelineMark;
 use super::source::{Now, Pace, Source, Step};
 use super::state::{EndStatus, LatestState};
@@ -62,6 +63,8 @@ pub struct Session<S: Source> {
     rate: RealTimeFactorMeter,
     /// Simulated time that was skipped because the machine fell behind.
     time_skipped_s: f64,
+    /// How late the ticks of the present run have begun.
+    lateness: LatenessHistogram,
     /// Number of the run, from 1; a reset begins the next one.
     run: u32,
     /// The first moment of the present run was told.
@@ -134,6 +137,7 @@ impl<S: Source> Session<S> {
             speed: Speed::default(),
             clock: None,
             time_skipped_s: 0.0,
+            lateness: LatenessHistogram::default(),
             run: 1,
             has_begun: false,
             told_at: now,
@@ -390,7 +394,12 @@ impl<S: Source> Session<S> {
                 self.has_begun = true;
                 self.tell(MomentKind::First, (from, timing));
             }
-            Step::Tick => self.tell(MomentKind::Tick, (from, timing)),
+            Step::Tick => {
+                if self.clock.is_some() {
+                    self.lateness.take(begun.saturating_duration_since(due));
+                }
+                self.tell(MomentKind::Tick, (from, timing));
+            }
             Step::Applied => self.tell(MomentKind::Applied, (from, timing)),
             Step::Reset(last) => {
                 // A window hears of it with the number of the new run.
@@ -446,6 +455,7 @@ impl<S: Source> Session<S> {
             self.ends.say_failures();
         }
         let account = RunAccount { is_stopped, ..self.account() };
+        self.lateness = LatenessHistogram::default();
         let times = ((last.tick, last.time_s), StepTiming::at(self.host.clock.now()));
         let moment = moment(&self.source, &self.host, (MomentKind::Still, Inputs::None), times);
         let moment = Moment { snapshot: last, ..moment };
@@ -466,6 +476,7 @@ impl<S: Source> Session<S> {
             .map(|end| PicturesSummary { published: end.delivered, dropped: end.dropped });
         let link = self.source.link().map(|link| LinkSummary {
             time_skipped_s: self.time_skipped_s,
+            tick_lateness: self.lateness.summary(),
             ros: link.ros.map(|ros| RosSummary { pictures, ..ros }),
             ..link
         });

@@ -1,16 +1,15 @@
 //! One page that is connected: what it is told, and what it may ask for.
 
-use crate::counters::Counters;
 use crate::feed::Told;
 use crate::message::{MAX_MESSAGE_BYTES, PageMessage, SLOTS};
 use crate::pictures::Look;
 use crate::server::Shared;
+use city3d_network::listener::{Patience, count};
 use city3d_protocol::snapshot::{Pedals, VehicleId};
-use city3d_session::{Order, Speed};
+use city3d_session::{MessageRate, Order, Speed};
 use futures_util::stream::SplitSink;
 use futures_util::{SinkExt, StreamExt};
 use serde_json::json;
-use std::sync::atomic::Ordering;
 use std::time::Duration;
 use tokio::net::TcpStream;
 use tokio::time::{Instant, sleep_until, timeout};
@@ -19,18 +18,16 @@ use tokio_tungstenite::tungstenite::protocol::frame::coding::CloseCode;
 use tokio_tungstenite::tungstenite::protocol::{CloseFrame, Role, WebSocketConfig};
 use tokio_tungstenite::tungstenite::{Bytes, Message as Packet, Utf8Bytes};
 
-/// A page that takes longer to read a message is disconnected.
-const SEND_TIMEOUT: Duration = Duration::from_secs(5);
-/// A page whose first message has not come by then is disconnected.
-const HELLO_TIMEOUT: Duration = Duration::from_secs(5);
-/// A page that has been silent for longer is disconnected. It sends something every two seconds, in the background of a
-/// browser once a minute.
-const SILENCE: Duration = Duration::from_secs(120);
+/// How long the server waits for a page. It sends something every two seconds, in the background of a browser once a minute.
+pub const PATIENCE: Patience = Patience {
+    request: Duration::from_secs(5),
+    send: Duration::from_secs(5),
+    silence: Duration::from_secs(120),
+};
 /// A vehicle is handed back when no pedals have come for this long.
 const PEDALS_TIMEOUT: Duration = Duration::from_millis(500);
-/// Messages of a page within [`RATE_WINDOW`], at most.
+/// Messages of a page in a second, at most.
 const MAX_RATE: u32 = 200;
-const RATE_WINDOW: Duration = Duration::from_secs(1);
 /// Close code for a wrong token: the page then goes on as a spectator.
 const WRONG_TOKEN: u16 = 4401;
 
@@ -61,11 +58,11 @@ pub(crate) async fn serve(stream: TcpStream, shared: &Shared) {
         driven: None,
         looks: std::array::from_fn(|_| None),
         told: [0; 3],
-        rate: (Instant::now(), 0),
+        rate: MessageRate::new(MAX_RATE, Instant::now().into_std()),
     };
-    shared.counters.pages.fetch_add(1, Ordering::Relaxed);
+    shared.counters.peers.enter();
     let parting = page.exchange(&mut from).await;
-    shared.counters.pages.fetch_sub(1, Ordering::Relaxed);
+    shared.counters.peers.leave();
     page.part(parting).await;
 }
 
@@ -80,8 +77,7 @@ struct Page<'a> {
     looks: [Option<Look>; SLOTS],
     /// Versions of the texts that it has.
     told: [u64; 3],
-    /// Begin of the present window, and messages in it.
-    rate: (Instant, u32),
+    rate: MessageRate,
 }
 
 impl Page<'_> {
@@ -91,14 +87,15 @@ impl Page<'_> {
     ) -> Parting {
         let mut told = self.shared.told.subscribe();
         told.mark_changed();
-        let mut silent_at = Instant::now() + HELLO_TIMEOUT;
+        let patience = self.shared.patience;
+        let mut silent_at = Instant::now() + patience.request;
         loop {
             let pedals_end = self.driven.map_or(silent_at, |(_, until)| until);
             let is_known = self.may_order.is_some();
             let [large, small] = &mut self.looks;
             let outcome = tokio::select! {
                 packet = from.next() => {
-                    silent_at = Instant::now() + SILENCE;
+                    silent_at = Instant::now() + patience.silence;
                     match packet {
                         Some(Ok(packet)) => self.take(packet).await,
                         Some(Err(error)) => Err(parting_of(&error)),
@@ -127,12 +124,7 @@ impl Page<'_> {
     }
 
     async fn take(&mut self, packet: Packet) -> Result<(), Parting> {
-        let now = Instant::now();
-        if now.duration_since(self.rate.0) > RATE_WINDOW {
-            self.rate = (now, 0);
-        }
-        self.rate.1 += 1;
-        if self.rate.1 > MAX_RATE {
+        if !self.rate.admits(Instant::now().into_std()) {
             return Err(Parting::Invalid("too many messages"));
         }
         match packet {
@@ -166,7 +158,7 @@ impl Page<'_> {
             }
             (Some(true), order) => self.order(&order).await,
             (Some(false), _) => {
-                Counters::add(&self.shared.counters.forbidden, 1);
+                count(&self.shared.counters.peers.forbidden, 1);
                 self.say("this page watches; the address with the token gives orders").await
             }
         }
@@ -178,7 +170,8 @@ impl Page<'_> {
             return Err(Parting::WrongToken);
         }
         self.may_order = Some(may_order);
-        let welcome = json!({ "t": "welcome", "version": env!("CARGO_PKG_VERSION"), "may_order": may_order,
+        let is_log = self.shared.control.head().is_some();
+        let welcome = json!({ "t": "welcome", "version": env!("CARGO_PKG_VERSION"), "may_order": may_order, "is_log": is_log,
             "has_pictures": self.shared.pictures.are_drawn(), "no_pictures": self.shared.pictures.failure() });
         self.send_text(welcome.to_string().into()).await?;
         let map = Utf8Bytes::from(&*self.shared.map);
@@ -193,6 +186,7 @@ impl Page<'_> {
             PageMessage::Reset => control.order(Order::Reset),
             PageMessage::Step => control.order(Order::Step),
             PageMessage::Speed { factor } => control.order(Order::Speed(Speed::times(factor))),
+            PageMessage::Seek { time_s } => control.seek(time_s),
             PageMessage::Release => self.release(),
             PageMessage::Drive { vehicle, pedals } => {
                 return self.drive(VehicleId(vehicle), pedals.pedals()).await;
@@ -205,6 +199,9 @@ impl Page<'_> {
     async fn drive(&mut self, vehicle: VehicleId, pedals: Pedals) -> Result<(), Parting> {
         if self.driven.is_some_and(|(driven, _)| driven != vehicle) {
             self.release();
+        }
+        if self.shared.control.head().is_some() {
+            return self.say("this is a log: nobody drives in it").await;
         }
         if !self.shared.control.drive(self.number, vehicle, pedals) {
             return self.say("somebody else drives this vehicle").await;
@@ -241,6 +238,10 @@ impl Page<'_> {
         let Some(Told { roster, events, state }) = told else { return Ok(()) };
         for (k, text) in [roster, events, state].into_iter().enumerate() {
             if self.told[k] != text.version {
+                if k == 2 && self.told[k] > 0 {
+                    let missed = text.version.saturating_sub(self.told[k] + 1);
+                    count(&self.shared.counters.skipped_states, missed);
+                }
                 self.told[k] = text.version;
                 self.send_text(Utf8Bytes::from(&*text.text)).await?;
             }
@@ -257,8 +258,8 @@ impl Page<'_> {
         let mut bytes = Vec::with_capacity(jpeg.len() + 1);
         bytes.push(slot);
         bytes.extend_from_slice(&jpeg);
-        Counters::add(&self.shared.counters.pictures, 1);
-        Counters::add(&self.shared.counters.skipped_pictures, skipped);
+        count(&self.shared.counters.pictures, 1);
+        count(&self.shared.counters.skipped_pictures, skipped);
         self.send(Packet::Binary(bytes.into())).await
     }
 
@@ -271,9 +272,9 @@ impl Page<'_> {
     }
 
     async fn send(&mut self, packet: Packet) -> Result<(), Parting> {
-        match timeout(SEND_TIMEOUT, self.sink.send(packet)).await {
+        match timeout(self.shared.patience.send, self.sink.send(packet)).await {
             Ok(Ok(())) => {
-                Counters::add(&self.shared.counters.messages, 1);
+                count(&self.shared.counters.peers.messages, 1);
                 Ok(())
             }
             Ok(Err(_)) => Err(Parting::Gone),
@@ -284,17 +285,17 @@ impl Page<'_> {
     /// Hands its vehicle back, and says why it is disconnected where that may be heard.
     async fn part(mut self, parting: Parting) {
         self.release();
-        let counters = &self.shared.counters;
+        let counters = &self.shared.counters.peers;
         let (counter, code, reason) = match parting {
             Parting::Gone => return,
-            Parting::Slow => return Counters::add(&counters.slow, 1),
+            Parting::Slow => return count(&counters.slow, 1),
             Parting::WrongToken => (&counters.wrong_tokens, WRONG_TOKEN, "wrong token"),
             Parting::Invalid(why) => (&counters.invalid, CloseCode::Policy.into(), why),
         };
-        Counters::add(counter, 1);
+        count(counter, 1);
         let frame = CloseFrame { code: CloseCode::from(code), reason: reason.into() };
         // Who sends nonsense need not hear of it.
-        let _ = timeout(SEND_TIMEOUT, self.sink.send(Packet::Close(Some(frame)))).await;
+        let _ = timeout(self.shared.patience.send, self.sink.send(Packet::Close(Some(frame)))).await;
     }
 }
 

@@ -1,29 +1,60 @@
-//! Orders of pages: each vehicle is driven by one page at most.
+//! Orders of pages, to a city that runs or to a log that is played. Each vehicle is driven by one page at most.
 
-use crate::counters::Counters;
+use city3d_network::listener::{PeerCounters, count};
 use city3d_protocol::snapshot::{Pedals, VehicleId};
-use city3d_session::{Order, OrderSender};
+use city3d_session::playback::{PlaybackCommand, PlayerRemote, Playhead};
+use city3d_session::{Order, OrderSender, Speed};
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, PoisonError};
 
-/// Gives orders to the session for the pages.
+/// Who takes the orders of pages.
+#[derive(Clone, Debug)]
+pub enum PageOrders {
+    /// A city that runs.
+    City(OrderSender),
+    /// A log that is played.
+    Log(PlayerRemote),
+}
+
+/// Gives orders for the pages.
 #[derive(Debug)]
 pub(crate) struct Control {
-    orders: OrderSender,
+    orders: PageOrders,
     /// Which page drives a vehicle.
     drivers: Mutex<BTreeMap<VehicleId, u64>>,
-    counters: Arc<Counters>,
+    counters: Arc<PeerCounters>,
 }
 
 impl Control {
-    pub(crate) fn new(orders: OrderSender, counters: Arc<Counters>) -> Self {
+    pub(crate) fn new(orders: PageOrders, counters: Arc<PeerCounters>) -> Self {
         Self { orders, drivers: Mutex::default(), counters }
     }
 
     /// Gives an order; without room it is lost, and counted.
     pub(crate) fn order(&self, order: Order) {
-        if !self.orders.send(order) {
-            Counters::add(&self.counters.lost_orders, 1);
+        let is_taken = match &self.orders {
+            PageOrders::City(orders) => orders.send(order),
+            PageOrders::Log(remote) => playback_command(&order).is_none_or(|command| remote.send(command)),
+        };
+        if !is_taken {
+            count(&self.counters.lost_orders, 1);
+        }
+    }
+
+    /// Where the playhead of the log is; `None` of a city that runs.
+    pub(crate) fn head(&self) -> Option<Playhead> {
+        match &self.orders {
+            PageOrders::City(_) => None,
+            PageOrders::Log(remote) => Some(remote.head()),
+        }
+    }
+
+    /// Shows a log at a time, in simulated seconds; a city that runs has no other time than the present.
+    pub(crate) fn seek(&self, time_s: f64) {
+        if let PageOrders::Log(remote) = &self.orders
+            && !remote.send(PlaybackCommand::Seek(time_s))
+        {
+            count(&self.counters.lost_orders, 1);
         }
     }
 
@@ -44,5 +75,17 @@ impl Control {
             drivers.remove(&vehicle);
             self.order(Order::Release(vehicle));
         }
+    }
+}
+
+/// What an order is to a log; `None` where it is nothing.
+fn playback_command(order: &Order) -> Option<PlaybackCommand> {
+    match order {
+        Order::Start => Some(PlaybackCommand::Play),
+        Order::Pause => Some(PlaybackCommand::Pause),
+        Order::Step => Some(PlaybackCommand::Step { forward: true }),
+        Order::Reset => Some(PlaybackCommand::Seek(f64::NEG_INFINITY)),
+        Order::Speed(Speed::Times(factor)) => Some(PlaybackCommand::Speed(*factor)),
+        _ => None,
     }
 }

@@ -2,14 +2,16 @@
 //! that is slow misses states; it never finds them queued.
 
 use city3d_protocol::snapshot::VehicleInfo;
-use city3d_session::playback::TimelineMark;
+use city3d_session::playback::{Playhead, TimelineMark};
 use city3d_session::{EventReader, RunState, Speed};
 use city3d_simulation::scenario::Experiment;
 use serde_json::{Value, json};
 use std::sync::Arc;
 
-/// Most events that a page is told.
+/// Most events that a page is told of a city that runs, the latest ones.
 const MAX_EVENTS: usize = 200;
+/// Most events of a log, the first ones.
+const MAX_LOG_EVENTS: usize = 2000;
 /// Distance between points of a lane, city metres.
 const LANE_STEP_M: f64 = 3.0;
 
@@ -44,8 +46,8 @@ pub(crate) struct Feed {
 }
 
 impl Feed {
-    /// The texts of a state.
-    pub(crate) fn tell(&mut self, state: &RunState, pages: u64) -> Told {
+    /// The texts of a state; of a log with its playhead.
+    pub(crate) fn tell(&mut self, state: &RunState, pages: u64, head: Option<Playhead>) -> Told {
         if self.told.roster.version == 0 || *self.roster != *state.now.roster {
             self.roster = Arc::clone(&state.now.roster);
             self.told.roster.renew(&roster(&self.roster));
@@ -54,9 +56,14 @@ impl Feed {
         let is_other_run = self.run != state.run;
         self.run = state.run;
         if self.told.events.version == 0 || is_other_run || known != self.events.marks().len() {
-            self.told.events.renew(&events(self.events.marks()));
+            let marks = self.events.marks();
+            let told = match head {
+                None => &marks[marks.len().saturating_sub(MAX_EVENTS)..],
+                Some(_) => &marks[..marks.len().min(MAX_LOG_EVENTS)],
+            };
+            self.told.events.renew(&events(told, marks.len()));
         }
-        self.told.state.renew(&run_state(state, pages));
+        self.told.state.renew(&run_state(state, pages, head));
         self.told.clone()
     }
 }
@@ -99,16 +106,15 @@ fn roster(infos: &[VehicleInfo]) -> Value {
     json!({ "t": "roster", "vehicles": vehicles })
 }
 
-fn events(marks: &[TimelineMark]) -> Value {
-    let first = marks.len().saturating_sub(MAX_EVENTS);
-    let listed: Vec<Value> = marks[first..]
+fn events(marks: &[TimelineMark], count: usize) -> Value {
+    let listed: Vec<Value> = marks
         .iter()
         .map(|mark| json!([rounded(mark.time_s, 2), mark.vehicle.0, mark.what.label()]))
         .collect();
-    json!({ "t": "events", "count": marks.len(), "events": listed })
+    json!({ "t": "events", "count": count, "events": listed })
 }
 
-fn run_state(state: &RunState, pages: u64) -> Value {
+fn run_state(state: &RunState, pages: u64, head: Option<Playhead>) -> Value {
     let vehicles: Vec<Value> = state
         .now
         .vehicles
@@ -136,10 +142,11 @@ fn run_state(state: &RunState, pages: u64) -> Value {
     let ends: Vec<Value> =
         state.ends.iter().map(|end| json!([end.name, end.delivered, end.dropped, end.failure])).collect();
     let link = state.link.as_ref();
+    let log = head.map(|head| json!([rounded(head.from_s, 2), rounded(head.to_s, 2), rounded(head.at_s, 2)]));
     json!({ "t": "state", "run": state.run, "tick": state.now.tick, "time": rounded(state.now.time_s, 2),
         "phase": state.phase.label(), "speed": speed, "rate": rounded(state.real_time_factor, 2),
         "refusal": state.refusal.as_ref().map(|(count, why)| json!([count, &**why])),
         "leader": link.and_then(|link| link.leader.clone()),
-        "link_dropped": link.map(|link| link.dropped),
-        "ended": state.has_ended, "pages": pages, "ends": ends, "vehicles": vehicles })
+        "link_dropped": link.map(|link| link.dropped), "keeps_speed": link.is_some(),
+        "log": log, "ended": state.has_ended, "pages": pages, "ends": ends, "vehicles": vehicles })
 }

@@ -17,6 +17,8 @@ mod pictures;
 mod pictures;
 mod server;
 
+pub use client::PATIENCE;
+pub use control::PageOrders;
 pub use counters::WebCounts;
 #[cfg(feature = "render")]
 pub use pictures::PictureDrawer;

@@ -24,6 +24,10 @@ pub(crate) enum PageMessage {
     Speed {
         factor: f64,
     },
+    /// Shows a log at another time.
+    Seek {
+        time_s: f64,
+    },
     /// Pedals of a person; without new ones for a while the vehicle is handed back.
     Drive {
         vehicle: u32,

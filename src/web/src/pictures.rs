@@ -5,11 +5,9 @@ use crate::message::PageView;
 use city3d_protocol::snapshot::VehicleId;
 use city3d_render::{Image, Renderer};
 use city3d_sensors::{Camera, Lens, Mount, View};
-use city3d_session::pictures::{OpenRenderer, lower_priority};
+use city3d_session::pictures::{OpenRenderer, jpeg, lower_priority};
 use city3d_session::{PublishedState, RunState};
 use glam::{DVec2, DVec3};
-use image::ExtendedColorType;
-use image::codecs::jpeg::JpegEncoder;
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, OnceLock, PoisonError};
@@ -258,7 +256,8 @@ fn draw(open: PictureDrawer, shared: &SharedDesk, state: &OnceLock<PublishedStat
             std::thread::sleep(STILL_WAIT);
             continue;
         }
-        let jpegs: Vec<_> = drawn.into_par_iter().map(|(key, image)| (key, jpeg(&image))).collect();
+        let jpegs: Vec<_> =
+            drawn.into_par_iter().map(|(key, image)| (key, jpeg(&image, JPEG_QUALITY))).collect();
         for (key, jpeg) in jpegs {
             shared.show(&key, now, jpeg.map_err(|error| error.to_string())?);
         }
@@ -314,13 +313,57 @@ fn view_of((view, extent): &ViewKey, run: &RunState) -> Option<View> {
     camera.view(&run.now, &Lens { extent: *extent, ..Lens::default() }).ok()
 }
 
-fn jpeg(image: &Image) -> image::ImageResult<Vec<u8>> {
-    let mut bytes = Vec::new();
-    JpegEncoder::new_with_quality(&mut bytes, JPEG_QUALITY).encode(
-        &image.rgb,
-        image.width,
-        image.height,
-        ExtendedColorType::Rgb8,
-    )?;
-    Ok(bytes)
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const STATE: StateNumber = (1, 1);
+
+    fn shared() -> Pictures {
+        let pictures = Pictures::new(Arc::default());
+        pictures.shared.desk().is_drawn = true;
+        pictures
+    }
+
+    #[tokio::test]
+    async fn a_slow_page_gets_fewer_pictures_and_the_latest_one() {
+        let pictures = shared();
+        let view = PageView::Chase { vehicle: 1 };
+        let mut look = || pictures.look(view, [320, 240]).unwrap();
+        let (mut fast, mut slow) = (look(), look());
+        let key = fast.key;
+        for number in 1..=10_u8 {
+            pictures.shared.show(&key, STATE, vec![number]);
+            assert_eq!(fast.next().await.unwrap(), (vec![number].into(), 0));
+            fast.seen();
+            if number == 1 {
+                assert_eq!(slow.next().await.unwrap(), (vec![1].into(), 0));
+            }
+        }
+        // It has not shown the first one: nothing waits for it but the latest.
+        assert!(tokio::time::timeout(Duration::ZERO, slow.next()).await.is_err());
+        slow.seen();
+        assert_eq!(slow.next().await.unwrap(), (vec![10].into(), 8));
+    }
+
+    #[test]
+    fn a_picture_is_drawn_once_a_page_has_shown_the_last_one_and_while_somebody_looks() {
+        let pictures = shared();
+        let wanted = || {
+            let desk = pictures.shared.desk();
+            desk.views.values().map(|view| view.is_wanted).collect::<Vec<_>>()
+        };
+        let look = |vehicle| pictures.look(PageView::Chase { vehicle }, [320, 240]);
+        let mut first = look(1).unwrap();
+        assert_eq!(wanted(), [true]);
+        pictures.shared.show(&first.key, STATE, vec![1]);
+        assert_eq!(wanted(), [false], "nobody has shown it yet");
+        first.seen();
+        assert_eq!(wanted(), [true]);
+        drop(first);
+        assert!(wanted().is_empty());
+        let many: Vec<_> = (0..MAX_VIEWS as u32).map(|vehicle| look(vehicle).unwrap()).collect();
+        assert!(look(99).is_none() && look(0).is_some(), "no more views, but as many who look alike");
+        drop(many);
+    }
 }

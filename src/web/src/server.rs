@@ -1,34 +1,28 @@
-//! The server: its thread, its connections, and the end of the session that counts for it.
+//! The server: what its connections share, and the end of the session that counts for it.
 
-use crate::client;
-use crate::control::Control;
+use crate::client::{self, PATIENCE};
+use crate::control::{Control, PageOrders};
 use crate::counters::{Counters, WebCounts};
 use crate::feed::{self, Feed, Told};
 use crate::http::{self, Answer, MAX_HEAD_BYTES};
 use crate::pictures::Pictures;
-use city3d_session::{End, EndHealth, Moment, OrderSender, PublishedState, Token};
+use city3d_network::listener::{BoundListener, ListenError, Listening, Patience, count};
+use city3d_session::{End, EndHealth, Moment, PublishedState, Token};
 use city3d_simulation::scenario::Experiment;
 use std::io;
-use std::net::{SocketAddr, TcpListener, ToSocketAddrs};
+use std::net::SocketAddr;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, OnceLock};
-use std::thread::JoinHandle;
 use std::time::Duration;
 use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio::net::TcpStream;
-use tokio::sync::{Semaphore, watch};
-use tokio::time::{MissedTickBehavior, interval, sleep, timeout};
+use tokio::sync::watch;
+use tokio::time::{MissedTickBehavior, interval, timeout};
 
 /// Connections at once, at most; more are refused.
 const MAX_CONNECTIONS: usize = 64;
-/// A client that has not asked for anything by then is disconnected.
-const HEAD_TIMEOUT: Duration = Duration::from_secs(5);
 /// Interval at which the latest state is looked at: as often as a screen needs it.
 const STATE_INTERVAL: Duration = Duration::from_millis(40);
-/// Send buffer of a connection, bytes: what a slow client has not read stays little.
-const SEND_BUFFER: usize = 128 << 10;
-/// Pause after an error of the listening socket, such as too many open files.
-const ACCEPT_PAUSE: Duration = Duration::from_millis(100);
 
 /// How the page is served.
 #[derive(Debug)]
@@ -39,8 +33,17 @@ pub struct WebOptions {
     pub token: Token,
     /// The experiment that runs.
     pub experiment: Arc<Experiment>,
-    /// Gives the session its orders.
-    pub orders: OrderSender,
+    /// Takes the orders of pages.
+    pub orders: PageOrders,
+    /// How long the server waits for a page.
+    pub patience: Patience,
+}
+
+impl WebOptions {
+    /// Usual options.
+    pub fn new(address: String, token: Token, experiment: Arc<Experiment>, orders: PageOrders) -> Self {
+        Self { address, token, experiment, orders, patience: PATIENCE }
+    }
 }
 
 /// Why the page cannot be served.
@@ -61,6 +64,15 @@ pub enum WebError {
     Thread(io::Error),
 }
 
+impl From<ListenError> for WebError {
+    fn from(error: ListenError) -> Self {
+        match error {
+            ListenError::Address { address, error } => Self::Address { address, error },
+            ListenError::Thread(error) => Self::Thread(error),
+        }
+    }
+}
+
 /// What the connections of a server share.
 #[derive(Debug)]
 pub(crate) struct Shared {
@@ -70,6 +82,7 @@ pub(crate) struct Shared {
     pub map: Arc<str>,
     pub told: watch::Sender<Option<Told>>,
     pub pictures: Pictures,
+    pub patience: Patience,
     state: Arc<OnceLock<PublishedState>>,
     /// A host name that the address was given by.
     name: Option<String>,
@@ -85,10 +98,8 @@ impl Shared {
 /// A page that is served on a thread of its own. Dropping it ends the thread and disconnects all pages.
 #[derive(Debug)]
 pub struct WebServer {
-    address: SocketAddr,
+    listening: Listening,
     shared: Arc<Shared>,
-    stop: watch::Sender<bool>,
-    thread: Option<JoinHandle<()>>,
 }
 
 impl WebServer {
@@ -97,29 +108,30 @@ impl WebServer {
     /// # Errors
     /// When the address cannot be bound, or the system refuses the thread.
     pub fn start(options: WebOptions) -> Result<Self, WebError> {
-        let WebOptions { address, token, experiment, orders } = options;
-        let listener =
-            bind(&address).map_err(|error| WebError::Address { address: address.clone(), error })?;
-        let bound = listener.local_addr().map_err(WebError::Thread)?;
+        let WebOptions { address, token, experiment, orders, patience } = options;
+        let listener = BoundListener::bind(&address)?;
         let (counters, state) = (Arc::<Counters>::default(), Arc::<OnceLock<_>>::default());
         let shared = Arc::new(Shared {
             token,
-            control: Control::new(orders, Arc::clone(&counters)),
-            counters,
+            control: Control::new(orders, Arc::clone(&counters.peers)),
+            counters: Arc::clone(&counters),
             map: feed::map(&experiment).into(),
             told: watch::Sender::new(None),
             pictures: Pictures::new(Arc::clone(&state)),
+            patience,
             state,
             name: address.rsplit_once(':').map(|(name, _)| name.to_owned()).filter(|name| !name.is_empty()),
             next_page: AtomicU64::new(1),
         });
-        let runtime =
-            tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(WebError::Thread)?;
-        let (stop, stopped) = watch::channel(false);
-        let inner = Arc::clone(&shared);
-        let work = move || runtime.block_on(run(listener, inner, stopped));
-        let thread = std::thread::Builder::new().name("web".to_owned()).spawn(work);
-        Ok(Self { address: bound, shared, stop, thread: Some(thread.map_err(WebError::Thread)?) })
+        let (of_pages, of_teller) = (Arc::clone(&shared), Arc::clone(&shared));
+        let serve = move |stream| {
+            let shared = Arc::clone(&of_pages);
+            async move { connection(stream, &shared).await }
+        };
+        let beside = async move { tell(&of_teller).await };
+        let listening =
+            listener.listen(("web", MAX_CONNECTIONS), Arc::clone(&counters.peers), serve, beside)?;
+        Ok(Self { listening, shared })
     }
 
     /// Shows the states that a session publishes.
@@ -141,18 +153,12 @@ impl WebServer {
 
     /// The address that it listens on.
     pub fn address(&self) -> SocketAddr {
-        self.address
+        self.listening.address()
     }
 
     /// The address for who may give orders. What follows the `#` stays in the browser.
     pub fn url(&self) -> String {
-        let mut shown = self.address;
-        if shown.ip().is_unspecified() {
-            shown.set_ip(match shown {
-                SocketAddr::V4(_) => std::net::Ipv4Addr::LOCALHOST.into(),
-                SocketAddr::V6(_) => std::net::Ipv6Addr::LOCALHOST.into(),
-            });
-        }
+        let shown = self.listening.reachable();
         format!("http://{shown}/#{}", self.shared.token.text())
     }
 
@@ -164,12 +170,7 @@ impl WebServer {
 
 impl Drop for WebServer {
     fn drop(&mut self) {
-        self.stop.send_replace(true);
         self.shared.pictures.stop();
-        if let Some(thread) = self.thread.take() {
-            // It has nothing to say.
-            let _ = thread.join();
-        }
     }
 }
 
@@ -186,45 +187,7 @@ impl End for WebEnd {
 
     fn health(&self) -> EndHealth {
         let counts = self.0.counts();
-        EndHealth { delivered: counts.messages, dropped: counts.dropped(), failure: None }
-    }
-}
-
-fn bind(address: &str) -> io::Result<TcpListener> {
-    let found = address.to_socket_addrs()?.next();
-    let listener = TcpListener::bind(found.ok_or(io::ErrorKind::AddrNotAvailable)?)?;
-    listener.set_nonblocking(true)?;
-    Ok(listener)
-}
-
-async fn run(listener: TcpListener, shared: Arc<Shared>, mut stopped: watch::Receiver<bool>) {
-    let listener = match tokio::net::TcpListener::from_std(listener) {
-        Ok(listener) => listener,
-        Err(error) => return tracing::warn!("the web page is not served: {error}"),
-    };
-    tokio::select! {
-        _ = stopped.wait_for(|is_stopped| *is_stopped) => {}
-        () = accept(listener, Arc::clone(&shared)) => {}
-        () = tell(&shared) => {}
-    }
-}
-
-async fn accept(listener: tokio::net::TcpListener, shared: Arc<Shared>) {
-    let room = Arc::new(Semaphore::new(MAX_CONNECTIONS));
-    loop {
-        let Ok((stream, _)) = listener.accept().await else {
-            sleep(ACCEPT_PAUSE).await;
-            continue;
-        };
-        let Ok(place) = Arc::clone(&room).try_acquire_owned() else {
-            Counters::add(&shared.counters.refused, 1);
-            continue;
-        };
-        let shared = Arc::clone(&shared);
-        tokio::spawn(async move {
-            connection(stream, &shared).await;
-            drop(place);
-        });
+        EndHealth { delivered: counts.peers.messages, dropped: counts.peers.dropped(), failure: None }
     }
 }
 
@@ -235,22 +198,20 @@ async fn tell(shared: &Shared) {
     let (mut feed, mut last) = (Feed::default(), None);
     loop {
         looks.tick().await;
-        let pages = shared.counters.counts().pages;
+        let pages = shared.counters.counts().peers.connected;
         let Some(state) = shared.state.get().map(PublishedState::run_state) else { continue };
         let is_new =
             last.as_ref().is_none_or(|(before, told_to)| !Arc::ptr_eq(before, &state) || *told_to != pages);
         if is_new && pages > 0 {
-            shared.told.send_replace(Some(feed.tell(&state, pages)));
+            shared.told.send_replace(Some(feed.tell(&state, pages, shared.control.head())));
             last = Some((state, pages));
         }
     }
 }
 
 async fn connection(mut stream: TcpStream, shared: &Shared) {
-    // Larger buffers and later packets work too.
-    let _ = stream.set_nodelay(true);
-    let _ = socket2::SockRef::from(&stream).set_send_buffer_size(SEND_BUFFER);
-    let answer = match timeout(HEAD_TIMEOUT, request(&mut stream, shared)).await {
+    let (counters, patience) = (&shared.counters.peers, shared.patience);
+    let answer = match timeout(patience.request, request(&mut stream, shared)).await {
         Ok(Some(answer)) => answer,
         // Whoever connects and says nothing is a browser that expects to ask later, or no browser.
         Ok(None) => return,
@@ -260,11 +221,11 @@ async fn connection(mut stream: TcpStream, shared: &Shared) {
         Answer::Upgrade(text) => (text, true, false),
         Answer::Response { text, is_refusal } => (text, false, is_refusal),
     };
-    Counters::add(&shared.counters.refused, u64::from(is_refusal));
-    match timeout(HEAD_TIMEOUT, stream.write_all(text.as_bytes())).await {
+    count(&counters.refused, u64::from(is_refusal));
+    match timeout(patience.send, stream.write_all(text.as_bytes())).await {
         Ok(Ok(())) if is_socket => client::serve(stream, shared).await,
         Ok(Ok(())) => drop(stream.shutdown().await),
-        _ => Counters::add(&shared.counters.slow, 1),
+        _ => count(&counters.slow, 1),
     }
 }
 

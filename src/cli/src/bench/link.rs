@@ -154,14 +154,15 @@ fn pictures(
             mount: Mount::Windscreen,
             lens,
             every_s: 1.0 / CAMERA_HZ,
+            kind: city3d_sensors::PictureKind::Rgb,
         })
         .collect();
     let wanted = cameras.iter().map(|_| AtomicBool::new(true)).collect();
     let look = LookArgs { quality: args.look.quality.or(Some(QualityArg::Low)), ..args.look.clone() };
     let open = look::opener(&look, experiment);
     let pictures = PictureThread::start(open, (cameras, PictureStamps::Wall), wanted, |taken| {
-        for picture in taken {
-            if let Err(error) = encode_png(&picture.image) {
+        for image in taken.iter().filter_map(|taken| taken.pictures.rgb.as_ref()) {
+            if let Err(error) = encode_png(image) {
                 tracing::warn!("a picture could not be drawn: {error}");
             }
         }

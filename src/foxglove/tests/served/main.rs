@@ -3,7 +3,6 @@
 #![allow(clippy::unwrap_used, reason = "a test may end where it finds something wrong")]
 #![allow(clippy::disallowed_types, reason = "connects to a server on this machine")]
 
-mod cost;
 mod hostile;
 mod peer;
 mod told;

@@ -1,8 +1,9 @@
 //! A city that is offered, and clients of it.
 
-use city3d_foxglove::{FoxgloveOptions, FoxgloveServer};
+use city3d_foxglove::{FoxgloveOptions, FoxgloveServer, PATIENCE};
 use city3d_logbook::record::LogOrigin;
-use city3d_session::{End, Host, LocalCity, Session, SessionHandle, Token};
+use city3d_network::listener::Patience;
+use city3d_session::{Host, LocalCity, Session, SessionHandle, Token};
 use city3d_simulation::scenario::ScenarioRequest;
 use futures_util::{SinkExt, StreamExt};
 use serde_json::{Value, json};
@@ -25,11 +26,11 @@ pub struct City {
 
 /// A scenario with its control framework, offered to Foxglove.
 pub fn city(scenario: &str) -> City {
-    city_with(scenario, |end| end)
+    city_with(scenario, PATIENCE)
 }
 
-/// The same, with something around its end.
-pub fn city_with(scenario: &str, wrap: impl FnOnce(Box<dyn End>) -> Box<dyn End>) -> City {
+/// The same, with another patience.
+pub fn city_with(scenario: &str, patience: Patience) -> City {
     let request = ScenarioRequest { scenario: scenario.to_owned(), ..ScenarioRequest::default() };
     let experiment = city3d_session::load(&request).unwrap();
     let host = Host::system();
@@ -42,9 +43,10 @@ pub fn city_with(scenario: &str, wrap: impl FnOnce(Box<dyn End>) -> Box<dyn End>
         origin: LogOrigin::Run,
         snapshot_hz: 100,
         orders: session.orders().unwrap(),
+        patience,
     };
     let (foxglove, end) = FoxgloveServer::start(options).unwrap();
-    let session = session.with_end(wrap(Box::new(end))).spawn(None).unwrap();
+    let session = session.with_end(Box::new(end)).spawn(None).unwrap();
     foxglove.watch(session.published());
     City { foxglove, session }
 }

@@ -116,13 +116,13 @@ async fn without_the_token_a_client_watches() {
     .await;
     peer.text(|text| text["op"] == "status").await;
     peer.text(|text| text["op"] == "parameterValues").await;
-    assert_eq!((city.foxglove.counts().forbidden, city.session.run_state().now.tick), (2, 0));
+    assert_eq!((city.foxglove.counts().peers.forbidden, city.session.run_state().now.tick), (2, 0));
     let wrong = format!("{}?token=0123456789abcdef0123456789abcdef", city.watched());
     let mut wrong = Peer::new(&wrong).await;
     let status = wrong.text(|text| text["op"] == "status").await;
     assert!(status["message"].as_str().unwrap().contains("token"), "{status}");
     assert_eq!(wrong.call(START, json!({})).await["success"], false);
-    assert_eq!(city.foxglove.counts().wrong_tokens, 1);
+    assert_eq!(city.foxglove.counts().peers.wrong_tokens, 1);
     city.session.stop().unwrap();
 }
 
@@ -138,5 +138,22 @@ async fn vehicles_have_channels_of_their_own() {
     peer.send(json!({ "op": "subscribe", "subscriptions": [{ "id": 5, "channelId": 4242 }] })).await;
     let status = peer.text(|text| text["op"] == "status").await;
     assert!(status["message"].as_str().unwrap().contains("4242"), "{status}");
+    city.session.stop().unwrap();
+}
+
+#[tokio::test]
+async fn channels_without_subscribers_cost_nothing() {
+    let city = city("roundabout");
+    let mut peer = Peer::new(&city.foxglove.url()).await;
+    peer.call(START, json!({})).await;
+    let until = async |tick: u64| {
+        while city.session.run_state().now.tick < tick {
+            tokio::task::yield_now().await;
+        }
+    };
+    until(20).await;
+    let before = city.foxglove.counts().peers.messages;
+    until(70).await;
+    assert_eq!(city.foxglove.counts().peers.messages, before, "not even the time is told");
     city.session.stop().unwrap();
 }

@@ -192,22 +192,46 @@ pub struct OnboardCamera {
     pub vehicle: String,
     /// Name of the camera, the second part of the topics.
     pub camera: String,
+    /// What its pictures show.
+    pub shows: CameraShows,
+}
+
+/// What the pictures of a camera show; each has topics of its own.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum CameraShows {
+    /// Colour.
+    #[default]
+    Colour,
+    /// Metres along the optical axis.
+    Depth,
+    /// Class number of each pixel.
+    Classes,
 }
 
 impl OnboardCamera {
+    /// Where its topics are.
+    fn place(&self) -> String {
+        let shown = match self.shows {
+            CameraShows::Colour => "",
+            CameraShows::Depth => "/depth",
+            CameraShows::Classes => "/classes",
+        };
+        format!("/{}/{}{shown}", self.vehicle, self.camera)
+    }
+
     /// Topic of its pictures as files.
     pub fn image_topic(&self) -> String {
-        format!("/{}/{}/image/compressed", self.vehicle, self.camera)
+        format!("{}/image/compressed", self.place())
     }
 
     /// Topic of its pictures as pixels.
     pub fn raw_topic(&self) -> String {
-        format!("/{}/{}/image", self.vehicle, self.camera)
+        format!("{}/image", self.place())
     }
 
     /// Topic of its intrinsics.
     pub fn info_topic(&self) -> String {
-        format!("/{}/{}/camera_info", self.vehicle, self.camera)
+        format!("{}/camera_info", self.place())
     }
 
     /// Camera axes: x right, y down, z forward.
@@ -225,6 +249,10 @@ pub enum PictureForm {
     Jpeg,
     /// Rows of pixels of 8 bits: red, green, blue.
     Rgb8,
+    /// Rows of 32-bit floats, little-endian: laboratory metres along the optical axis, infinite for the sky.
+    Depth,
+    /// Rows of class numbers of 8 bits.
+    Classes,
 }
 
 /// A picture with the intrinsics and extrinsics of its camera.

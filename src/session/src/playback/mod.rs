@@ -15,6 +15,7 @@ mod player;
 mod playhead;
 mod prefetch;
 mod registry;
+mod shared;
 
 pub use benchmark::{PlaybackReport, benchmark};
 pub(crate) use marks::{DriverChanges, with_priority};
@@ -22,6 +23,7 @@ pub use marks::{MarkKind, Occurrence, TimelineMark};
 pub use past::PastPlayer;
 pub use player::{LogInfo, PlaybackStats, Player};
 pub use playhead::{PlaybackCommand, Playhead, SPEEDS};
+pub use shared::{PlayerRemote, SharedPlayer};
 
 /// Why a log cannot be played.
 #[derive(Debug, thiserror::Error)]

@@ -118,6 +118,11 @@ impl<S: Source> Session<S> {
 pub struct PublishedState(Arc<LatestState>);
 
 impl PublishedState {
+    /// A reader of a mailbox.
+    pub(crate) fn of(latest: Arc<LatestState>) -> Self {
+        Self(latest)
+    }
+
     /// The latest published state.
     pub fn run_state(&self) -> Arc<RunState> {
         self.0.get()

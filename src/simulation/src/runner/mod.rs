@@ -23,7 +23,8 @@ pub use server_world::{
     AppliedBody, MOTION_CAPTURE, OPERATOR, SenderNumber, ServerRules, ServerWorld, TOPICS,
 };
 pub use summary::{
-    ArrivalSummary, EndSummary, LinkSummary, PicturesSummary, RosSummary, Summary, VehicleSummary,
+    ArrivalSummary, EndSummary, LinkSummary, PicturesSummary, RosSummary, Summary, TickLateness,
+    VehicleSummary,
 };
 
 use crate::demand::Demand;

@@ -136,9 +136,25 @@ pub struct LinkSummary {
     pub dropped: DropCounts,
     /// Simulated seconds that were skipped because the simulation fell behind real time.
     pub time_skipped_s: f64,
+    /// How late its ticks began; `None` where no clock paces it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub tick_lateness: Option<TickLateness>,
     /// Statistics of ROS, where it is used.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub ros: Option<RosSummary>,
+}
+
+/// How late the ticks of a run began behind the clock that paces it, wall-clock milliseconds.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+pub struct TickLateness {
+    /// Number of ticks.
+    pub ticks: u64,
+    /// Median.
+    pub p50_ms: f64,
+    /// 99th percentile.
+    pub p99_ms: f64,
+    /// Most.
+    pub max_ms: f64,
 }
 
 /// Statistics of poses over ROS.

@@ -14,6 +14,9 @@ pub enum WindowError {
     /// A run that cannot begin.
     #[error(transparent)]
     Begin(SessionError),
+    /// What else is told of a run cannot begin, such as a web page at an address that is taken.
+    #[error("{0}")]
+    Ends(String),
     /// A run whose log is not whole.
     #[error(transparent)]
     End(SessionError),
@@ -93,6 +96,7 @@ impl WindowError {
         match self {
             Self::Load(_)
             | Self::Begin(_)
+            | Self::Ends(_)
             | Self::NoVehicle { .. }
             | Self::AfterRun { .. }
             | Self::AfterLog { .. } => true,

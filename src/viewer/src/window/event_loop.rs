@@ -231,7 +231,8 @@ impl OpenWindow {
             // The event loop may have ended before the run.
             let _ = proxy.send_event(WindowNews::Redraw);
         });
-        let recording = RecordingOptions { logs: subject.logs(), on_update: Arc::clone(&on_update) };
+        let (logs, ends) = (subject.logs(), options.ends.clone());
+        let recording = RecordingOptions { logs, ends, on_update: Arc::clone(&on_update) };
         let mut viewer = subject.viewer(options, &context, &settings, recording)?;
         super::picture::arrange(&mut viewer, options)?;
         if matches!(subject, WindowSubject::Scenario(scenario) if scenario.has_start_page) {

@@ -40,7 +40,7 @@ pub fn frame_times(
     seconds: f64,
 ) -> Result<FrameTimes, WindowError> {
     let context = Context::headless(&options.preference())?;
-    let recording = RecordingOptions { logs: LogLocation::Nowhere, on_update: Arc::new(|| {}) };
+    let recording = RecordingOptions { logs: LogLocation::Nowhere, ends: None, on_update: Arc::new(|| {}) };
     let subject = WindowSubject::Scenario(scenario.clone());
     let mut viewer = subject.viewer(options, &context, &ViewSettings::default(), recording)?;
     let open: Vec<_> = viewer.experiment().vehicles.iter().take(previews).map(|v| v.id).collect();

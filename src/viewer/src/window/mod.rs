@@ -27,7 +27,7 @@ pub use error::WindowError;
 pub use event_loop::open;
 pub use frame_times::{FrameTimes, frame_times};
 pub use picture::{WindowPicture, picture};
-pub use recording::{LogLocation, RecordedRun};
+pub use recording::{LogLocation, RecordedRun, SessionEnds};
 
 use crate::ui::{CameraMode, CityKind, Look, QualityPreset, Theme};
 use city3d_render::{AdapterPreference, Context};
@@ -141,6 +141,8 @@ pub struct WindowOptions {
     pub ui_scale: Option<f32>,
     /// Closes the window from elsewhere.
     pub quit: QuitSignal,
+    /// Who else is told of the sessions that the window starts.
+    pub ends: Option<Arc<dyn SessionEnds>>,
 }
 
 /// Tells a window to close. It may come before the window.

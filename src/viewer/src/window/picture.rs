@@ -36,7 +36,7 @@ pub fn picture(subject: &WindowSubject, options: &WindowOptions) -> Result<Windo
         LogLocation::In(folder) => LogLocation::In(folder),
         LogLocation::Nowhere | LogLocation::OfTheUser => LogLocation::Nowhere,
     };
-    let recording = RecordingOptions { logs, on_update: Arc::new(|| {}) };
+    let recording = RecordingOptions { logs, ends: None, on_update: Arc::new(|| {}) };
     let mut viewer = subject.viewer(options, &context, &ViewSettings::default(), recording)?;
     open_previews(&mut viewer, options)?;
     let truncation = match subject {

@@ -1,4 +1,4 @@
-//! Recording of the runs of a window: where their files go, and what was written.
+//! Sessions that a window starts: where the files of their runs go, what was written, and who else is told.
 
 use super::WindowError;
 use city3d_logbook::record::LogOrigin;
@@ -9,10 +9,29 @@ use city3d_simulation::scenario::{Experiment, ScenarioRequest, is_map};
 use std::path::PathBuf;
 use std::sync::Arc;
 
+/// Ends of the sessions that a window starts, besides its files: those who watch the same city elsewhere. A window has
+/// one session after another, each with an experiment of its own.
+pub trait SessionEnds: std::fmt::Debug + Send + Sync {
+    /// Attaches the ends to a session that is about to begin; those of the session before end.
+    ///
+    /// # Errors
+    /// Why not, in words for who has asked for them.
+    fn attach(
+        &self,
+        session: Session<LocalCity>,
+        experiment: &Arc<Experiment>,
+    ) -> Result<Session<LocalCity>, String>;
+
+    /// The session has begun.
+    fn begun(&self, session: &SessionHandle);
+}
+
 /// Recording of runs, and notification of updates.
 pub struct RecordingOptions {
     /// Where live runs are recorded.
     pub logs: LogLocation,
+    /// Who else is told of them.
+    pub ends: Option<Arc<dyn SessionEnds>>,
     /// Called on another thread when there is something new to show; it must not block.
     pub on_update: Arc<dyn Fn() + Send + Sync>,
 }
@@ -71,8 +90,14 @@ pub(super) fn start(
     let files = RunFiles::new(folders, LogOrigin::Run, options).without_waiting().counting(WallTime::Steps);
     let (host, written) = (Host::system(), files.written());
     let city = LocalCity::new(Arc::clone(experiment), host.clone()).map_err(WindowError::Begin)?;
-    let session = Session::new(city, host).with_end(Box::new(files));
+    let mut session = Session::new(city, host).with_end(Box::new(files));
+    if let Some(ends) = &recording.ends {
+        session = ends.attach(session, experiment).map_err(WindowError::Ends)?;
+    }
     let session = session.spawn(Some(written)).map_err(WindowError::Begin)?;
+    if let Some(ends) = &recording.ends {
+        ends.begun(&session);
+    }
     session.on_update(Arc::new(move || on_update()));
     Ok(session)
 }

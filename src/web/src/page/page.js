@@ -4,6 +4,7 @@ const $ = (id) => document.getElementById(id);
 const LARGE = 0, SMALL = 1;
 const token = location.hash.slice(1);
 let socket = null, mayOrder = false, hasPictures = false, offered = token, wait = 250;
+let isLog = false, told = null;
 let map = null, state = null, roster = new Map(), selected = null, sortBy = 'id', sortDown = false, refusals = null;
 const camera = { x: 0, y: 0, scale: 1, isSet: false, isMoved: false };
 const orbit = { azimuth: 220, elevation: 35, distance: 120 };
@@ -39,8 +40,11 @@ function connect() {
 function hear(message) {
   if (message.t === 'welcome') {
     wait = 250;
-    [mayOrder, hasPictures] = [message.may_order, message.has_pictures];
-    for (const id of ['start', 'pause', 'reset', 'speed']) $(id).disabled = !mayOrder;
+    [mayOrder, hasPictures, isLog] = [message.may_order, message.has_pictures, message.is_log];
+    for (const id of ['start', 'pause', 'reset', 'speed', 'seek']) $(id).disabled = !mayOrder;
+    $('start').textContent = isLog ? 'Play' : 'Start';
+    $('timeline').hidden = !isLog;
+    $('reset').hidden = $('drive').hidden = isLog;
     $('drive').disabled = !mayOrder || selected === null;
     $('mode').disabled = !hasPictures;
     if (message.no_pictures) notice(`No pictures: ${message.no_pictures}`);
@@ -54,7 +58,9 @@ function hear(message) {
     roster = new Map(message.vehicles.map(([id, name, length, width]) => [id, { name, length, width }]));
     tabulate();
   } else if (message.t === 'events') {
-    listEvents(message);
+    told = message;
+    listEvents();
+    markEvents();
   } else if (message.t === 'state') {
     state = message;
     requestAnimationFrame(draw);
@@ -295,20 +301,24 @@ let tabulatedAt = 0;
 function tell() {
   const leader = state.leader ? `, led by ${state.leader}` : '';
   $('status').textContent = `${state.ended ? 'ended' : state.phase} at ${state.time.toFixed(1)} s, ${state.vehicles.length} vehicles${leader}${mayOrder ? '' : ' (watching)'}`;
+  showTime();
+  showSpeed();
   if (refusals !== null && state.refusal && state.refusal[0] !== refusals) notice(state.refusal[1]);
   refusals = state.refusal ? state.refusal[0] : 0;
   const own = state.vehicles.find((v) => v[0] === selected);
   if (own) {
     const degrees = own[6] * 180 / Math.PI;
     $('steering').value = -degrees;
-    $('steering_text').textContent = `${degrees.toFixed(0)}° left`;
+    $('steering_text').textContent = `${Math.abs(degrees).toFixed(0)}° ${degrees < 0 ? 'right' : 'left'}`;
     [$('gas').value, $('brake').value, $('handbrake').value] = own.slice(7, 10);
   }
   if (performance.now() - tabulatedAt < 200) return;
   tabulatedAt = performance.now();
   tabulate();
   const mean = state.vehicles.reduce((sum, v) => sum + v[4], 0) / Math.max(1, state.vehicles.length);
-  const facts = [['mean speed', `${mean.toFixed(2)} m/s`], ['real-time factor', state.rate], ['run', state.run], ['pages', state.pages],
+  const facts = [['mean speed', `${mean.toFixed(2)} m/s`],
+    ...(isLog ? [['speed of the playback', `${state.speed} times`]] : [['real-time factor', state.rate], ['run', state.run]]),
+    ['pages', state.pages],
     ...state.ends.map(([name, delivered, dropped, failure]) => [name, failure ?? `${delivered} sent, ${dropped} dropped`])];
   $('metrics').replaceChildren(...facts.flatMap(([name, text]) => {
     const [term, detail] = [document.createElement('dt'), document.createElement('dd')];
@@ -317,12 +327,57 @@ function tell() {
   }));
 }
 
-function listEvents({ events }) {
+// Of a log all events are known; those up to the shown time are listed.
+let listed = '';
+function listEvents() {
+  const events = isLog ? told.events.filter(([time]) => time <= (state?.time ?? 0) + 0.005) : told.events;
+  const present = `${told.count} ${events.length}`;
+  if (isLog && listed === present) return;
+  listed = present;
   $('events').replaceChildren(...events.slice(-60).reverse().map(([time, id, what]) => {
     const item = document.createElement('li');
     item.textContent = `${time.toFixed(1)} s ${roster.get(id)?.name ?? id}: ${what}`;
     return item;
   }));
+}
+
+// Timeline of a log
+
+function markEvents() {
+  if (!isLog) return;
+  $('marks').replaceChildren(...told.events.slice(0, 300).map(([time]) => {
+    const option = document.createElement('option');
+    option.value = time;
+    return option;
+  }));
+}
+
+// A served city keeps its speed.
+function showSpeed() {
+  $('speed').disabled = !mayOrder || state.keeps_speed;
+  const known = [...$('speed').options].some((option) => Number(option.value) === state.speed);
+  if (known && document.activeElement !== $('speed')) $('speed').value = String(state.speed);
+}
+
+let isSeeking = false, soughtAt = 0;
+function showTime() {
+  if (!state.log) return;
+  const [from, to, at] = state.log;
+  [$('seek').min, $('seek').max] = [from, to];
+  if (!isSeeking) $('seek').value = at;
+  $('at').textContent = `${(isSeeking ? Number($('seek').value) : at).toFixed(1)} of ${to.toFixed(1)} s`;
+  if (told) listEvents();
+}
+
+$('seek').oninput = () => {
+  isSeeking = true;
+  if (performance.now() - soughtAt > 80) sought();
+};
+$('seek').onchange = () => { isSeeking = false; sought(); };
+function sought() {
+  soughtAt = performance.now();
+  notice('');
+  send({ t: 'seek', time_s: Number($('seek').value) });
 }
 
 // Experiment and driving
@@ -339,6 +394,8 @@ $('drive').onclick = () => {
   driven = selected;
   steering = 0;
   $('drive').setAttribute('aria-pressed', 'true');
+  $('pad').hidden = false;
+  notice(matchMedia('(pointer: coarse)').matches ? '' : 'W gas, S brake, A and D steer, Space handbrake, R held reverse, Esc ends');
   $('drive').blur();
 };
 
@@ -347,6 +404,11 @@ function stopDriving() {
   send({ t: 'release' });
   driven = null;
   keys.clear();
+  touched.clear();
+  wheel = null;
+  turn(0);
+  $('pad').hidden = true;
+  $('reverse').setAttribute('aria-pressed', 'false');
   $('drive').setAttribute('aria-pressed', 'false');
 }
 
@@ -360,18 +422,49 @@ addEventListener('keydown', (event) => {
 addEventListener('keyup', (event) => { if (keys.delete(PEDAL_KEYS[event.code])) pedals(); });
 // A page that nobody looks at drives nothing.
 addEventListener('blur', stopDriving);
+document.addEventListener('visibilitychange', () => { if (document.hidden) stopDriving(); });
+
+// By touch: the wheel follows a finger, and turns back without one; pedals count while they are held.
+const touched = new Set();
+let wheel = null;
+function turn(share) {
+  $('wheel').firstElementChild.style.transform = `translateX(${(share * ($('wheel').clientWidth / 2 - 24)).toFixed(0)}px)`;
+  $('wheel').setAttribute('aria-valuenow', Math.round(share * 100));
+}
+$('wheel').addEventListener('pointerdown', (event) => { $('wheel').setPointerCapture(event.pointerId); follow(event); });
+$('wheel').addEventListener('pointermove', (event) => { if (wheel !== null) follow(event); });
+for (const end of ['pointerup', 'pointercancel']) $('wheel').addEventListener(end, () => { wheel = null; });
+function follow(event) {
+  const box = $('wheel').getBoundingClientRect();
+  wheel = Math.max(-1, Math.min(1, (event.clientX - box.left - box.width / 2) / (box.width / 2 - 24)));
+  event.preventDefault();
+}
+for (const button of document.querySelectorAll('[data-pedal]')) {
+  const hold = (isHeld) => {
+    touched[isHeld ? 'add' : 'delete'](button.dataset.pedal);
+    button.classList.toggle('held', isHeld);
+    pedals();
+  };
+  button.addEventListener('pointerdown', (event) => { button.setPointerCapture(event.pointerId); event.preventDefault(); hold(true); });
+  for (const end of ['pointerup', 'pointercancel']) button.addEventListener(end, () => hold(false));
+  button.addEventListener('contextmenu', (event) => event.preventDefault());
+}
+$('reverse').onclick = () => $('reverse').setAttribute('aria-pressed', $('reverse').getAttribute('aria-pressed') !== 'true');
 
 function pedals() {
   if (driven === null) return;
-  send({ t: 'drive', vehicle: driven, pedals: { gas: keys.has('gas') ? 0.6 : 0, brake: keys.has('brake') ? 0.8 : 0,
-    handbrake: keys.has('handbrake') ? 1 : 0, steering_rad: steering, reverse: keys.has('reverse') } });
+  const has = (pedal) => keys.has(pedal) || touched.has(pedal);
+  const reverse = keys.has('reverse') || $('reverse').getAttribute('aria-pressed') === 'true';
+  send({ t: 'drive', vehicle: driven, pedals: { gas: has('gas') ? 0.6 : 0, brake: has('brake') ? 0.8 : 0,
+    handbrake: has('handbrake') ? 1 : 0, steering_rad: steering, reverse } });
 }
 
 setInterval(() => {
   if (driven === null) return;
   const wanted = (keys.has('left') ? 1 : 0) - (keys.has('right') ? 1 : 0);
-  const step = STEERING_RADPS * 0.04, goal = wanted * MAX_STEERING_RAD;
+  const step = STEERING_RADPS * 0.04, goal = (wheel === null ? wanted : -wheel) * MAX_STEERING_RAD;
   steering += Math.max(-step, Math.min(step, goal - steering));
+  turn(wheel ?? -steering / MAX_STEERING_RAD);
   pedals();
 }, 40);
 setInterval(() => send({ t: 'ping', sent_ms: performance.now() }), 2000);

@@ -4,7 +4,7 @@ use super::{Stage, passes};
 use city3d_protocol::snapshot::VehicleId;
 use city3d_render::{AdapterPreference, Context, Quality, RenderError, Renderer, Settings};
 use city3d_scene::SceneDescription;
-use city3d_sensors::{Lens, Mount};
+use city3d_sensors::{Lens, Mount, PictureKind};
 use city3d_session::OrderSender;
 use city3d_session::pictures::{CarriedCamera, PictureError, PictureStamps, PictureThread};
 use std::sync::Arc;
@@ -24,7 +24,8 @@ fn pictures(mood: &Arc<AtomicU8>, taken: &Arc<AtomicU64>) -> Result<PictureThrea
         Renderer::new(&context, &SceneDescription::default(), settings)
     });
     let lens = Lens { extent: [64, 48], ..Lens::default() };
-    let camera = CarriedCamera { vehicle: VehicleId(1), mount: Mount::Windscreen, lens, every_s: 0.02 };
+    let (vehicle, mount, kind) = (VehicleId(1), Mount::Windscreen, PictureKind::Rgb);
+    let camera = CarriedCamera { vehicle, mount, lens, every_s: 0.02, kind };
     let (mood, taken) = (Arc::clone(mood), Arc::clone(taken));
     let wanted: Arc<[AtomicBool]> = Arc::new([AtomicBool::new(true)]);
     PictureThread::start(open, (vec![camera], PictureStamps::Simulated), wanted, move |_| {

@@ -2,7 +2,7 @@
 
 use super::super::loading;
 use super::super::opening::{OpenTarget, Opening};
-use super::super::recording::LogLocation;
+use super::super::recording::{LogLocation, SessionEnds};
 use super::entering::differences;
 use super::*;
 use crate::ui::runs::{CurveChoice, OpenRequest, RunAgain};
@@ -13,10 +13,11 @@ use city3d_logbook::figures::chart::Figure;
 use city3d_logbook::measures::{RunMeasures, VehicleMeasures};
 use city3d_protocol::snapshot::{Status, VehicleId};
 use city3d_sensors::Weather;
-use city3d_session::Order;
+use city3d_session::{LocalCity, Order, Session};
 use city3d_simulation::environment::EnvironmentProfile;
 use city3d_simulation::scenario::{Library, Overrides, ScenarioChange};
 use std::path::{Path, PathBuf};
+use std::sync::Mutex;
 use std::time::Duration;
 
 const LOOK: Look = Look { preset: QualityPreset::Low, hours: 9.5, weather: Weather::Fog };
@@ -28,7 +29,7 @@ fn request(scenario: &str, duration_s: f64) -> ScenarioRequest {
 
 fn viewer(request: ScenarioRequest, logs: LogLocation) -> ViewerState {
     let experiment = loading::read(&request).unwrap();
-    let recording = RecordingOptions { logs, on_update: Arc::new(|| {}) };
+    let recording = RecordingOptions { logs, ends: None, on_update: Arc::new(|| {}) };
     ViewerState::new(request, experiment, LOOK, recording).unwrap()
 }
 
@@ -521,4 +522,49 @@ fn changes_that_are_not_saved_are_asked_about_before_they_are_left() {
     assert_eq!(viewer.act(vec![leave], 0.0), [WindowRequest::Quit]);
     assert!(std::fs::read_to_string(&file).unwrap().contains("Another one"));
     assert_eq!(viewer.state.runs.leaving, None);
+}
+
+/// Ends that note for which scenarios they were attached, and refuse one of them.
+#[derive(Debug, Default)]
+struct NotedEnds(Mutex<Vec<String>>);
+
+impl SessionEnds for NotedEnds {
+    fn attach(
+        &self,
+        session: Session<LocalCity>,
+        experiment: &Arc<Experiment>,
+    ) -> Result<Session<LocalCity>, String> {
+        if experiment.name == "merge" {
+            return Err("the address is taken".to_owned());
+        }
+        self.0.lock().unwrap().push(experiment.name.clone());
+        Ok(session)
+    }
+
+    fn begun(&self, session: &SessionHandle) {
+        let name = format!("{} begins", session.run_state().now.vehicles.len());
+        self.0.lock().unwrap().push(name);
+    }
+}
+
+#[test]
+fn the_ends_of_a_window_go_along_from_one_scenario_to_the_next() {
+    let noted = Arc::<NotedEnds>::default();
+    let first = request("straight", 3.0);
+    let (logs, ends) = (LogLocation::Nowhere, Arc::clone(&noted) as Arc<dyn SessionEnds>);
+    let recording = RecordingOptions { logs, ends: Some(ends), on_update: Arc::new(|| {}) };
+    let experiment = loading::read(&first).unwrap();
+    let vehicles = experiment.vehicles.len();
+    let mut viewer = ViewerState::new(first, experiment, LOOK, recording).unwrap();
+    let refused = request("merge", 3.0);
+    let experiment = loading::read(&refused).unwrap();
+    let why = viewer.enter(refused, experiment, 0.0).unwrap_err();
+    assert!(why.is_bad_input() && why.to_string() == "the address is taken", "{why}");
+    assert_eq!(viewer.experiment().name, "straight", "the present run goes on");
+    let next = request("roundabout", 4.0);
+    let experiment = loading::read(&next).unwrap();
+    viewer.enter(next, experiment, 0.0).unwrap();
+    let expected =
+        ["straight".to_owned(), format!("{vehicles} begins"), "roundabout".to_owned(), "6 begins".to_owned()];
+    assert_eq!(*noted.0.lock().unwrap(), expected);
 }

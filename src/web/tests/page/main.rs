@@ -3,106 +3,14 @@
 #![allow(clippy::unwrap_used, reason = "a test may end where it finds something wrong")]
 #![allow(clippy::disallowed_types, reason = "connects to a server on this machine")]
 
-use city3d_session::{Host, LocalCity, Session, SessionHandle, Token};
-use city3d_simulation::scenario::ScenarioRequest;
-use city3d_web::{WebOptions, WebServer};
-use futures_util::{SinkExt, StreamExt};
-use serde_json::{Value, json};
-use std::net::SocketAddr;
-use std::sync::Arc;
-use std::time::Duration;
-use tokio::io::{AsyncReadExt, AsyncWriteExt};
-use tokio::net::TcpStream;
-use tokio::time::timeout;
-use tokio_tungstenite::tungstenite::client::IntoClientRequest;
-use tokio_tungstenite::tungstenite::{Error, Message as Packet};
-use tokio_tungstenite::{WebSocketStream, client_async};
+mod log;
+mod peer;
+mod slow;
 
-const LONG: Duration = Duration::from_secs(20);
-
-struct City {
-    web: WebServer,
-    token: String,
-    session: SessionHandle,
-}
-
-/// The roundabout with its control framework, and a page of it.
-fn city() -> City {
-    let request = ScenarioRequest { scenario: "roundabout".to_owned(), ..ScenarioRequest::default() };
-    let experiment = city3d_session::load(&request).unwrap();
-    let host = Host::system();
-    let session = Session::new(LocalCity::new(Arc::clone(&experiment), host.clone()).unwrap(), host);
-    let token = Token::draw().unwrap();
-    let text = token.text().to_owned();
-    let orders = session.orders().unwrap();
-    let address = "127.0.0.1:0".to_owned();
-    let web = WebServer::start(WebOptions { address, token, experiment, orders }).unwrap();
-    let session = session.with_end(Box::new(web.end())).spawn(None).unwrap();
-    web.watch(session.published());
-    City { web, token: text, session }
-}
-
-struct Page(WebSocketStream<TcpStream>);
-
-async fn open(address: SocketAddr, origin: &str) -> Result<Page, Error> {
-    let mut request = format!("ws://{address}/socket").into_client_request().unwrap();
-    request.headers_mut().insert("Origin", origin.parse().unwrap());
-    let stream = TcpStream::connect(address).await.unwrap();
-    Ok(Page(client_async(request, stream).await?.0))
-}
-
-impl Page {
-    async fn new(address: SocketAddr, token: Option<&str>) -> Self {
-        let mut page = open(address, &format!("http://{address}")).await.unwrap();
-        page.send(json!({ "t": "hello", "token": token })).await;
-        page
-    }
-
-    async fn send(&mut self, message: Value) {
-        self.0.send(Packet::text(message.to_string())).await.unwrap();
-    }
-
-    /// The next message that this is true of.
-    async fn hear(&mut self, wanted: impl Fn(&Value) -> bool) -> Value {
-        let look = async {
-            loop {
-                if let Packet::Text(text) = self.0.next().await.unwrap().unwrap() {
-                    let message = serde_json::from_str(&text).unwrap();
-                    if wanted(&message) {
-                        return message;
-                    }
-                }
-            }
-        };
-        timeout(LONG, look).await.unwrap()
-    }
-
-    async fn hear_of(&mut self, kind: &str) -> Value {
-        self.hear(|message| message["t"] == kind).await
-    }
-
-    /// The code that the server closes with; `None` where it just ends.
-    async fn closed(&mut self) -> Option<u16> {
-        let look = async {
-            loop {
-                match self.0.next().await {
-                    Some(Ok(Packet::Close(frame))) => return frame.map(|frame| frame.code.into()),
-                    Some(Ok(_)) => {}
-                    Some(Err(_)) | None => return None,
-                }
-            }
-        };
-        timeout(LONG, look).await.unwrap()
-    }
-}
-
-async fn asked(address: SocketAddr, head: &str) -> String {
-    let mut stream = TcpStream::connect(address).await.unwrap();
-    stream.write_all(head.as_bytes()).await.unwrap();
-    let mut answer = String::new();
-    timeout(LONG, stream.read_to_string(&mut answer)).await.unwrap().unwrap();
-    answer
-}
+use futures_util::SinkExt;
+use peer::{City, Page, asked, city, open};
+use serde_json::json;
+use tokio_tungstenite::tungstenite::Message as Packet;
 
 #[tokio::test]
 async fn a_page_is_told_the_city_and_starts_it() {
@@ -121,7 +29,7 @@ async fn a_page_is_told_the_city_and_starts_it() {
     page.hear(|m| m["phase"] == "paused").await;
     page.send(json!({ "t": "reset" })).await;
     page.hear(|m| m["phase"] == "ready" && m["tick"] == 0).await;
-    assert_eq!(web.counts().dropped(), 0);
+    assert_eq!(web.counts().peers.dropped(), 0);
     session.stop().unwrap();
 }
 
@@ -149,10 +57,10 @@ async fn without_the_token_a_page_watches() {
     assert_eq!(page.hear_of("welcome").await["may_order"], false);
     page.send(json!({ "t": "start" })).await;
     assert!(page.hear_of("notice").await["text"].as_str().unwrap().contains("watches"));
-    assert_eq!((web.counts().forbidden, session.run_state().now.tick), (1, 0));
+    assert_eq!((web.counts().peers.forbidden, session.run_state().now.tick), (1, 0));
     let mut wrong = Page::new(web.address(), Some("0123456789abcdef0123456789abcdef")).await;
     assert_eq!(wrong.closed().await, Some(4401));
-    assert_eq!(web.counts().wrong_tokens, 1);
+    assert_eq!(web.counts().peers.wrong_tokens, 1);
     session.stop().unwrap();
 }
 
@@ -164,7 +72,7 @@ async fn hostile_clients_are_disconnected_and_counted() {
     let rebound = asked(address, "GET / HTTP/1.1\r\nHost: evil.example\r\n\r\n").await;
     assert!(rebound.starts_with("HTTP/1.1 421"), "{rebound}");
     assert!(asked(address, "\x16\x03\x01 garbage\r\n\r\n").await.starts_with("HTTP/1.1 400"));
-    assert_eq!(web.counts().refused, 3);
+    assert_eq!(web.counts().peers.refused, 3);
     let page = asked(address, &format!("GET / HTTP/1.1\r\nHost: {address}\r\n\r\n")).await;
     assert!(page.contains("default-src 'none'") && page.contains("<title>City3D</title>"));
 
@@ -182,7 +90,7 @@ async fn hostile_clients_are_disconnected_and_counted() {
         let _ = page.0.flush().await;
         page.closed().await;
     }
-    assert_eq!(web.counts().invalid, count);
+    assert_eq!(web.counts().peers.invalid, count);
     // The city is there for others.
     Page::new(address, Some(&token)).await.hear_of("state").await;
     session.stop().unwrap();
