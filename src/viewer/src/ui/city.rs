@@ -201,7 +201,7 @@ fn dashboard(ui: &Ui, rect: Rect, state: &UiState, shown: &ViewModel<'_>) -> Opt
     let lines = driving_keys(&state.keys, driving.is_by_device());
     let area = egui::Area::new(ui.scope_id().with("dashboard"))
         // Above the rulers, and low: the rear of the vehicle is just above it.
-        .fixed_pos(rect.center_bottom() - egui::vec2(0.0, rulers::HEIGHT))
+        .fixed_pos(rect.center_bottom() - egui::vec2(0.0, rulers::height(rect)))
         .pivot(Align2::CENTER_BOTTOM)
         .show(ui.ctx(), |ui| {
             egui::Frame::popup(ui.style()).show(ui, |ui| {
@@ -211,18 +211,26 @@ fn dashboard(ui: &Ui, rect: Rect, state: &UiState, shown: &ViewModel<'_>) -> Opt
                     ui.label(RichText::new(trouble).strong().color(ui.visuals().warn_fg_color));
                 }
                 ui.horizontal(|ui| {
-                    ui.vertical_centered(|ui| {
-                        ui.set_width(SPEED_WIDTH);
-                        ui.label(RichText::new(speed).size(22.0).strong());
-                        ui.label(format!("{gear}   {arrows}"));
-                    });
-                    // In a small view the help has them.
-                    if rect.width() > KEYS_FROM_WIDTH && rect.height() > KEYS_FROM_HEIGHT {
-                        ui.vertical(|ui| {
-                            lines.iter().for_each(|line| _ = ui.small(line));
-                            ui.small(solid_things(shown.map));
-                        });
+                    let speed = RichText::new(speed).size(22.0).strong();
+                    let gear = format!("{gear}   {arrows}");
+                    // In a small view the help has the keys, and the vehicle needs the room.
+                    if rect.width() < KEYS_FROM_WIDTH || rect.height() < KEYS_FROM_HEIGHT {
+                        ui.label(speed);
+                        ui.label(gear);
+                        return;
                     }
+                    let size = egui::vec2(SPEED_WIDTH, 0.0);
+                    ui.allocate_ui_with_layout(size, egui::Layout::top_down(egui::Align::Center), |ui| {
+                        ui.set_width(SPEED_WIDTH);
+                        ui.label(speed);
+                        ui.label(gear);
+                    });
+                    ui.vertical(|ui| {
+                        let solid = solid_things(shown.map);
+                        for line in lines.iter().map(String::as_str).chain([solid]) {
+                            ui.add(egui::Label::new(RichText::new(line).small()).extend());
+                        }
+                    });
                 });
             });
         });

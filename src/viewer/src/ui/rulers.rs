@@ -11,16 +11,27 @@ const LONGEST: f64 = 120.0;
 /// From the corner of the view, points.
 const MARGIN: f32 = 14.0;
 /// Height of the lowest row with coordinates and scale, points.
-pub const HEIGHT: f32 = 42.0;
+const HEIGHT: f32 = 42.0;
+/// The smallest view that has rulers, points.
+const LEAST: Vec2 = Vec2::new(320.0, 240.0);
 /// Height of the sign that the past is shown.
 const PAST_SIGN: f32 = 40.0;
 const COLOUR: Color32 = Color32::from_gray(235);
 const GROUND: Color32 = Color32::from_black_alpha(150);
 
+fn has_room(rect: Rect) -> bool {
+    rect.width() >= LEAST.x && rect.height() >= LEAST.y
+}
+
+/// Height of what the rulers take from the lower edge of a view, points.
+pub fn height(rect: Rect) -> f32 {
+    if has_room(rect) { HEIGHT } else { 6.0 }
+}
+
 /// Paints the rulers, while their layer is visible. `pointed` is the place of the mouse in the view.
 pub fn paint(canvas: &Canvas<'_>, state: &UiState, shown: &ViewModel<'_>, pointed: Option<Pos2>) {
     let rect = canvas.rect();
-    if !state.layers.rulers || rect.width() < 320.0 || rect.height() < 240.0 {
+    if !state.layers.rulers || !has_room(rect) {
         return;
     }
     let corner = rect.right_bottom() - Vec2::splat(MARGIN);

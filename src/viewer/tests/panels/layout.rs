@@ -305,7 +305,7 @@ fn the_card_of_a_finished_run_opens_beside_the_vehicle_that_one_looks_at() {
         desk.run_state.phase = RunPhase::Paused;
         let mut harness = harness(desk);
         harness.state_mut().run_state.phase = RunPhase::Over;
-        harness.run_steps(4);
+        harness.run_steps(8);
         let city = place(&harness);
         let at = if selected.is_some() { vehicle_at(&harness, 0) } else { city.center() };
         let card = ["Run finished", "Run again", "Collisions"].map(|text| harness.get_by_label(text).rect());

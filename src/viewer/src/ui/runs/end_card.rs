@@ -15,6 +15,8 @@ use egui::{Align2, Grid, RichText, TextEdit, Ui, Vec2};
 /// In place of measures that a run does not have.
 const NO_THROUGHPUT: &str = "none: fewer than two arrivals counted";
 const NO_DELAY: &str = "none: no vehicle has a known way";
+/// For so many frames it is put to its place: at first it is wider than it will be, and egui would move it.
+const PLACING_FRAMES: u8 = 6;
 /// About its size, points.
 const SIZE: Vec2 = Vec2::new(446.0, 340.0);
 /// Vehicles that drive less have not moved.
@@ -29,8 +31,8 @@ pub struct EndCard {
     asked: Option<u32>,
     /// The run whose card is shown.
     shown: Option<u32>,
-    /// The run whose card has its place.
-    placed: Option<u32>,
+    /// The run whose card is put to its place, and for how many frames.
+    placed: Option<(u32, u8)>,
     /// The seed of the next run as it is typed, and the run after which it is.
     seed: (String, Option<u32>),
     /// Environment of the next run; `None` for that of this one.
@@ -75,10 +77,10 @@ pub(super) fn window(ui: &Ui, state: &mut UiState, shown: &ViewModel<'_>, action
         card.seed = (outcome.seed.wrapping_add(1).to_string(), Some(run_state.run));
         card.environment = None;
     }
-    let place =
-        (card.placed != Some(run_state.run)).then(|| Layout::place_beside(ui, SIZE, (&*state, shown)));
+    let frames = card.placed.filter(|(run, _)| *run == run_state.run).map_or(0, |(_, frames)| frames);
+    card.placed = Some((run_state.run, (frames + 1).min(PLACING_FRAMES)));
+    let place = (frames < PLACING_FRAMES).then(|| Layout::place_beside(ui, SIZE, (&*state, shown)));
     let card = &mut state.runs.end_card;
-    card.placed = card.shown;
     let measures = RunMeasures::of(outcome);
     let units = state.preferences.units;
     let decimal = state.preferences.decimal;
