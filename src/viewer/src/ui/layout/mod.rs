@@ -130,8 +130,8 @@ impl Layout {
         tiles.filter(|tile| !self.tree.is_visible(*tile)).map(|tile| tile.0).collect()
     }
 
-    /// Where a window that opens by itself hides the least: not the vehicle that the user looks at, without one not the middle
-    /// of the view, and no panel over the city.
+    /// Where a window that opens by itself hides the least: neither the middle of the view nor the vehicle that the user looks
+    /// at, and no panel over the city.
     pub(super) fn place_beside(
         ui: &Ui,
         size: Vec2,
@@ -140,7 +140,7 @@ impl Layout {
         let window = ui.ctx().content_rect();
         let city = state.layout.city().unwrap_or(window);
         let middle = Rect::from_center_size(city.center(), city.size() * MIDDLE);
-        let vehicle = super::city::watched(state, shown, city).unwrap_or(middle);
+        let vehicle = super::city::watched(state, shown, city).map_or(middle, |seen| seen.union(middle));
         let rects = |panel: &Panel| ui.ctx().memory(|memory| memory.area_rect(window_of(*panel)));
         let taken: Vec<Rect> = state.layout.lifted.iter().filter_map(rects).collect();
         let room = Rect::from_x_y_ranges(window.x_range(), city.y_range()).shrink(4.0);
