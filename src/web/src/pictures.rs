@@ -329,7 +329,7 @@ mod tests {
     async fn a_slow_page_gets_fewer_pictures_and_the_latest_one() {
         let pictures = shared();
         let view = PageView::Chase { vehicle: 1 };
-        let mut look = || pictures.look(view, [320, 240]).unwrap();
+        let look = || pictures.look(view, [320, 240]).unwrap();
         let (mut fast, mut slow) = (look(), look());
         let key = fast.key;
         for number in 1..=10_u8 {

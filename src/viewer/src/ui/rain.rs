@@ -6,7 +6,7 @@
 use super::CameraMode;
 use egui::{Color32, Painter, Rect, Stroke, Vec2};
 
-/// A streak for so many square points of the view, and the most of them: they cost a tenth of a millisecond together.
+/// A streak for so many square points of the view, and the most of them.
 const POINTS2_OF_STREAK: f32 = 3200.0;
 const MOST_STREAKS: u32 = 220;
 /// Lengths of streaks far away and near, points, and how far they lean.
