@@ -143,6 +143,9 @@ const GRAVE: [(MarkKind, &str, &str); 4] = [
 /// Least room for the last event in words, points.
 const LEAST_WORDS: f32 = 60.0;
 
+/// Room for the sign that there are more, points.
+const MORE_WIDTH: f32 = 18.0;
+
 /// Counts of what is grave in a run, each with a way to one after the other. What finds no room in the row is left to the list,
 /// for another row would move the city while one drives; returns whether all had room.
 pub(super) fn grave_counts(
@@ -158,7 +161,8 @@ pub(super) fn grave_counts(
         let next = next.clone();
         let text = format!("{count} {}", if count == 1 { one } else { several });
         let text = RichText::new(text).color(colour(ui.ctx(), kind)).strong();
-        if width_of(ui, &text) > ui.available_size_before_wrap().x {
+        if width_of(ui, &text) + MORE_WIDTH > ui.available_size_before_wrap().x {
+            ui.label(RichText::new("...").strong()).on_hover_text("There are more, in the list of events");
             return false;
         }
         let refusal = timeline::refusal(state);
@@ -274,6 +278,10 @@ const ROW_HEIGHT: f32 = 18.0;
 
 /// Shows the list. A click on a row goes there and selects its vehicle.
 pub(super) fn show(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>, actions: &mut Vec<UiAction>) {
+    if shown.edit.is_some() {
+        ui.label(RichText::new("The edited scenario has not run yet.").weak());
+        return;
+    }
     ui.horizontal(|ui| {
         let count = state.events.count();
         ui.weak(format!("{count} of {}", shown.events.len()));

@@ -69,12 +69,14 @@ fn inspected(
         }
         motion(ui, shown, (state.preferences.units, vehicle), decision);
         traffic(ui, shown, place, &mut link);
-        trajectory(ui, shown, vehicle, decision);
+        // One that a person has driven into something is shown as collided.
+        let is_driven = vehicle.status == Status::Manual || state.driven() == Some(vehicle.id);
+        trajectory(ui, shown, (vehicle, is_driven), decision);
         let delay_s = insight.and_then(|insight| insight.command_delays_s.get(&vehicle.id));
         let delay = delay_s.map_or_else(|| not_told(shown).to_owned(), |s| format!("{:.0} ms", s * 1000.0));
         row(ui, "Command delay", &delay, "From the control step to the arrival of its last trajectory");
         sensors(ui, shown, vehicle.id);
-        rest(ui, shown, vehicle, place);
+        rest(ui, shown, (vehicle, is_driven), place);
     });
     if let Some(other) = link {
         (state.selection.vehicle, state.table.reveal) = (Some(other), true);
@@ -286,7 +288,7 @@ fn gap_words(leader: &LeaderAhead, decimal: DecimalSeparator) -> String {
 fn trajectory(
     ui: &mut Ui,
     shown: &ViewModel<'_>,
-    vehicle: &VehicleState,
+    (vehicle, is_driven): (&VehicleState, bool),
     decision: Option<&ControlDecision>,
 ) {
     let decimal = theme::decimal(ui.ctx());
@@ -295,13 +297,15 @@ fn trajectory(
     let is_off_route = is_off_route(decision);
     let lateral = match vehicle.tracked_lateral_error_m() {
         _ if !shown.has_control_data => not_told(shown).to_owned(),
-        None => "no path, a person drives".to_owned(),
+        _ if is_driven => NO_PATH.to_owned(),
+        None => NO_PATH.to_owned(),
         Some(_) if is_off_route => OFF_ROUTE.to_owned(),
         Some(error_m) => centimetres(error_m),
     };
     row(ui, "Lateral error", &lateral, "Front axle from the desired path, left-positive");
     let ahead = match decision {
         None => not_told(shown).to_owned(),
+        Some(_) if is_driven => NO_PATH.to_owned(),
         Some(_) if is_off_route => OFF_ROUTE.to_owned(),
         Some(decision) => centimetres(decision.longitudinal_error_m),
     };
@@ -316,6 +320,9 @@ fn trajectory(
     row(ui, "Measured pose", &noise, "Its last measurement, which lags and has noise");
 }
 
+/// In place of an error of tracking.
+const NO_PATH: &str = "no path, a person drives";
+
 /// Whether a vehicle is on no lane of its route, as after a person has driven it.
 pub(super) fn is_off_route(decision: Option<&ControlDecision>) -> bool {
     decision.is_some_and(|decision| decision.reason == DecisionReason::OffRoute)
@@ -327,11 +334,17 @@ fn sensors(ui: &mut Ui, shown: &ViewModel<'_>, id: VehicleId) {
     row(ui, "Sensors", &text, "Cameras that the scenario gives it");
 }
 
-fn rest(ui: &mut Ui, shown: &ViewModel<'_>, vehicle: &VehicleState, place: Option<&TrafficPlace>) {
+fn rest(
+    ui: &mut Ui,
+    shown: &ViewModel<'_>,
+    (vehicle, is_driven): (&VehicleState, bool),
+    place: Option<&TrafficPlace>,
+) {
     let id = vehicle.id;
     let algorithm = shown.drivers.get(&id).map_or("not known", String::as_str);
     let driver = match vehicle.status {
         Status::Manual => format!("a person; {algorithm} when released"),
+        Status::Collided if is_driven => format!("a person; {algorithm} does not drive it after a collision"),
         Status::Collided => format!("{algorithm}, which no longer drives it"),
         _ => algorithm.to_owned(),
     };

@@ -4,7 +4,7 @@ use super::layers::Canvas;
 use super::theme::{self, DecimalSeparator};
 use super::{UiState, ViewModel, map};
 use egui::{Align2, Color32, FontId, Pos2, Rect, Stroke, Vec2};
-use glam::{DVec2, DVec3};
+use glam::{DQuat, DVec2, DVec3};
 
 /// Longest scale bar, points.
 const LONGEST: f64 = 120.0;
@@ -99,14 +99,9 @@ fn scale_bar(canvas: &Canvas<'_>, corner: Pos2, (length_m, points): (f64, f32)) 
     painter.text(middle, Align2::CENTER_BOTTOM, text, FontId::proportional(11.0), COLOUR);
 }
 
-/// An arrow to the north as it lies on the screen.
+/// An arrow to the north on the ground, as in a map that is turned to where the camera looks.
 fn north(canvas: &Canvas<'_>, middle: Pos2) {
-    let camera_from_city = canvas.view().extrinsics.orientation.inverse();
-    let north = camera_from_city * DVec3::Y;
-    let on_screen = Vec2::new(north.x as f32, north.y as f32);
-    if on_screen.length() < 0.05 {
-        return;
-    }
+    let on_screen = north_in(canvas.view().extrinsics.orientation);
     let painter = canvas.painter();
     painter.circle_filled(middle, 15.0, GROUND);
     map::paint_arrow(painter, middle, on_screen.normalized(), (9.0, COLOUR));
@@ -114,9 +109,36 @@ fn north(canvas: &Canvas<'_>, middle: Pos2) {
     painter.text(text, Align2::CENTER_CENTER, "N", FontId::proportional(11.0), COLOUR);
 }
 
+/// Direction of the north on the screen for a camera's orientation: up is where it looks, and where its picture is up when it
+/// looks straight down.
+fn north_in(city_from_camera: DQuat) -> Vec2 {
+    let (forward, down) = (city_from_camera * DVec3::Z, city_from_camera * DVec3::Y);
+    let ahead = (forward - down).truncate();
+    Vec2::new(-ahead.x as f32, -ahead.y as f32).normalized()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+    use glam::DMat3;
+
+    #[test]
+    fn the_compass_turns_with_a_camera_that_looks_round() {
+        for pitch_deg in [0.0_f64, 40.0, 89.9] {
+            for (heading_deg, expected) in
+                [(90.0_f64, [0.0, -1.0]), (0.0, [-1.0, 0.0]), (45.0, [-0.707, -0.707])]
+            {
+                // A camera that looks along a heading, and down by a pitch: x right, y down, z forward.
+                let heading = DQuat::from_rotation_z(heading_deg.to_radians());
+                let level = DMat3::from_cols(-DVec3::Y, -DVec3::Z, DVec3::X);
+                let orientation =
+                    heading * DQuat::from_rotation_y(pitch_deg.to_radians()) * DQuat::from_mat3(&level);
+                let north = north_in(orientation);
+                let off = (north - Vec2::from(expected)).length();
+                assert!(off < 2e-3, "{heading_deg} {pitch_deg}: {north:?}");
+            }
+        }
+    }
 
     #[test]
     fn bars_have_round_lengths_that_fit() {

@@ -48,6 +48,10 @@ fn is_known(ui: &mut Ui, shown: &ViewModel<'_>) -> bool {
             return false;
         }
     }
+    if shown.edit.is_some() {
+        note(ui, "The edited scenario has not run yet.".to_owned());
+        return false;
+    }
     let Some(since_s) = traffic.since_s() else {
         note(ui, "Nothing has been measured yet: start the run.".to_owned());
         return false;
@@ -185,6 +189,8 @@ fn safety_and_energy(ui: &mut Ui, traffic: &LiveTraffic) {
     let of = |value: f64, unit: &str| format!("{} {unit}", decimal.fixed(value, 1));
     // Who follows at almost the same speed collides in hours, which says nothing.
     let ttc = match safety.min_ttc_s {
+        // It ends where they touch: a collision from the side has none before.
+        Some(_) if safety.min_gap_m.is_some_and(|gap_m| gap_m <= 0.0) => "0 s: they touched".to_owned(),
         Some(ttc_s) if ttc_s > MOST_TTC_S => format!("above {MOST_TTC_S:.0} s"),
         Some(ttc_s) => of(ttc_s, "s"),
         None => "-".to_owned(),

@@ -35,6 +35,11 @@ pub enum SortKey {
 }
 
 impl SortKey {
+    /// Whether the order by it changes as vehicles drive.
+    fn changes(self) -> bool {
+        matches!(self, Self::Status | Self::X | Self::Y | Self::Speed)
+    }
+
     const COLUMNS: [(Self, &'static str, &'static str); 7] = [
         (Self::Id, "ID", "Number and colour; a round mark is a lab vehicle"),
         (Self::Name, "Name", "Its name in the scenario"),
@@ -64,25 +69,24 @@ pub struct TableState {
     pub(crate) held: HeldRowOrder,
 }
 
-/// Holds the row order for a while when the sort key changes all the time, so that rows can be read and clicked.
+/// Holds the row order while the mouse is on the table, so that a row does not move away under it.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub(crate) struct HeldRowOrder {
     by: (SortKey, bool),
-    until_ms: i64,
     places: BTreeMap<VehicleId, usize>,
 }
 
-/// Hold time of the row order.
-const HELD_MS: i64 = 1000;
+/// Says that the order is held.
+const HELD: &str = "held";
+/// Why, and until when.
+const HELD_TIP: &str = "Rows keep their places while the mouse is on the table, so that they can be clicked";
 
 impl HeldRowOrder {
-    /// Restores the held order, or holds the present one once the hold time is over.
-    fn apply(&mut self, rows: &mut [VehicleRow<'_>], by: (SortKey, bool), now_s: f64) {
-        let now_ms = (now_s * 1e3) as i64;
-        let is_due = by != self.by || !(self.until_ms - HELD_MS..self.until_ms).contains(&now_ms);
-        if is_due {
+    /// Restores the held order, or takes the present one where it is not held.
+    fn apply(&mut self, rows: &mut [VehicleRow<'_>], by: (SortKey, bool), is_held: bool) {
+        if by != self.by || !is_held {
             let places = rows.iter().enumerate().map(|(place, row)| (row.id, place)).collect();
-            *self = Self { by, until_ms: now_ms + HELD_MS, places };
+            *self = Self { by, places };
         }
         rows.sort_by_key(|row| self.places.get(&row.id).copied().unwrap_or(usize::MAX));
     }
@@ -164,7 +168,7 @@ fn rows<'a>(
 
 const ROW_HEIGHT: f32 = 20.0;
 /// Room for the number of rows, points.
-const COUNT_WIDTH: f32 = 66.0;
+const COUNT_WIDTH: f32 = 88.0;
 /// Column widths of usual texts, points.
 const WIDTHS: [f32; 7] = [40.0, 50.0, 54.0, 78.0, 47.0, 47.0, 50.0];
 /// Weights by which columns share the remaining width.
@@ -244,10 +248,13 @@ pub fn show(ui: &mut Ui, shown: &ViewModel<'_>, state: &mut UiState) {
     let count = if listed.len() == all { all.to_string() } else { format!("{} of {all}", listed.len()) };
     // A child of its own, which moves nothing here.
     let line = egui::UiBuilder::new().max_rect(count_place).layout(Layout::right_to_left(Align::Center));
-    ui.new_child(line).label(RichText::new(count).weak());
-    if moves {
-        let by = (table.key, table.descending);
-        table.held.apply(&mut listed, by, ui.input(|input| input.time));
+    let mut line = ui.new_child(line);
+    let is_held = moves && table.key.changes() && ui.rect_contains_pointer(ui.max_rect());
+    table.held.apply(&mut listed, (table.key, table.descending), is_held);
+    let words = RichText::new(if is_held { format!("{count}, {HELD}") } else { count }).weak();
+    let count = line.label(words);
+    if is_held {
+        count.on_hover_text(HELD_TIP);
     }
     if listed.is_empty() {
         let text = if snapshot.vehicles.is_empty() {
@@ -474,22 +481,22 @@ mod tests {
     }
 
     #[test]
-    fn rows_keep_their_places_for_a_second_while_the_vehicles_move() {
+    fn rows_are_sorted_and_keep_their_places_only_under_the_mouse() {
         let mut held = HeldRowOrder::default();
-        let mut shown = |speeds: [f64; 3], by: (SortKey, bool), now_s: f64| {
+        let mut shown = |speeds: [f64; 3], by: (SortKey, bool), is_held: bool| {
             let mut rows: Vec<VehicleRow<'_>> =
                 speeds.iter().zip(1..).map(|(&speed, id)| row(id, speed)).collect();
             rows.sort_by(|a, b| a.cmp_by(b, by.0));
-            held.apply(&mut rows, by, now_s);
+            held.apply(&mut rows, by, is_held);
             rows.iter().map(|row| row.id.0).collect::<Vec<_>>()
         };
         let by = (SortKey::Speed, false);
-        assert_eq!(shown([3.0, 1.0, 2.0], by, 10.0), [2, 3, 1]);
-        assert_eq!(shown([1.0, 2.0, 3.0], by, 10.9), [2, 3, 1]);
-        assert_eq!(shown([1.0, 2.0, 3.0], by, 11.1), [1, 2, 3]);
+        assert_eq!(shown([3.0, 1.0, 2.0], by, false), [2, 3, 1]);
+        assert_eq!(shown([1.0, 2.0, 3.0], by, true), [2, 3, 1]);
+        assert_eq!(shown([1.0, 2.0, 3.0], by, false), [1, 2, 3]);
         // Whoever sorts otherwise sees it at once.
-        assert_eq!(shown([3.0, 2.0, 1.0], (SortKey::Id, false), 11.2), [1, 2, 3]);
-        assert_eq!(shown([3.0, 2.0, 1.0], by, 11.3), [3, 2, 1]);
+        assert_eq!(shown([3.0, 2.0, 1.0], (SortKey::Id, false), true), [1, 2, 3]);
+        assert_eq!(shown([3.0, 2.0, 1.0], by, true), [3, 2, 1]);
     }
 
     #[test]

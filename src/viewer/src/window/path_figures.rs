@@ -66,8 +66,11 @@ impl PathFigures<'_> {
     }
 
     fn of_layout(&self, layout: &StreamLayout) -> Result<Figure, String> {
-        // The figures of all vehicles say more than those of one.
-        let only: BTreeSet<VehicleId> = self.charts.vehicles.iter().copied().collect();
+        // The figures of all vehicles say more than those of one. Beside kept ones the selected one is shown.
+        let mut only: BTreeSet<VehicleId> = self.charts.vehicles.iter().copied().collect();
+        if !only.is_empty() {
+            only.extend(self.selected);
+        }
         let runs = std::slice::from_ref(self.run);
         let figures = FigureSet::new(runs, layout, &only).in_metres_of(self.charts.scale);
         match self.charts.kind {

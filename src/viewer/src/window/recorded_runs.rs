@@ -23,7 +23,7 @@ pub fn recorded_runs<'a>(folders: impl Iterator<Item = &'a Path>, now: SystemTim
         let of = RunFolder::of(&folder);
         RunEntry {
             name: of.name(conditions(&folder)),
-            began: of.began(since),
+            began: of.began(since, after_first(&folder)),
             age: age(since),
             has_summary: folder.join(SUMMARY).is_file(),
             folder,
@@ -54,6 +54,14 @@ fn find(folder: &Path, depth: usize, found: &mut Vec<(SystemTime, PathBuf)>) {
         .map(|entry| entry.path())
         .filter(|path| path.is_dir())
         .for_each(|path| find(&path, depth - 1, found));
+}
+
+/// How long after the first run of its window a run began: by when their logs were made, where the file system tells it.
+fn after_first(folder: &Path) -> Duration {
+    let made =
+        |folder: &Path| std::fs::metadata(super::opening::log_in(folder)).and_then(|log| log.created()).ok();
+    let first = folder.parent().and_then(|window| made(&window.join("run-1")));
+    made(folder).zip(first).and_then(|(own, first)| own.duration_since(first).ok()).unwrap_or_default()
 }
 
 /// What the folders of a run tell: `roundabout-20261125-131520/run-2` is the second run of a window that began then.
@@ -91,10 +99,12 @@ impl RunFolder {
         format!("{}{conditions}{number}", self.scenario)
     }
 
-    /// The time of day, and the date of a run that was made before today.
-    fn began(&self, age: Duration) -> String {
+    /// The time of day, and the date of a run that was made before today; `later` than the first one of the window.
+    fn began(&self, age: Duration, later: Duration) -> String {
         let Some([date, clock]) = &self.began else { return String::new() };
-        let time = format!("{}:{}", &clock[..2], &clock[2..4]);
+        let [h, min, s] = [0, 2, 4].map(|from| clock[from..from + 2].parse().unwrap_or(0_u64));
+        let minutes = (h * 3600 + min * 60 + s + later.as_secs()) / 60;
+        let time = format!("{:02}:{:02}", minutes / 60 % 24, minutes % 60);
         if age < Duration::from_hours(20) {
             return time;
         }
@@ -140,9 +150,10 @@ mod tests {
         assert_eq!(runs.iter().map(|run| run.began.as_str()).collect::<Vec<_>>(), ["13:15", "", "13:15"]);
         let of = RunFolder::of(Path::new("grid-2x5-20261125-131520/run-1"));
         assert_eq!(
-            (of.name(None).as_str(), of.began(Duration::from_hours(48)).as_str()),
+            (of.name(None).as_str(), of.began(Duration::from_hours(48), Duration::ZERO).as_str()),
             ("grid-2x5", "2026-11-25 13:15")
         );
+        assert_eq!(of.began(Duration::ZERO, Duration::from_secs(401)), "13:22", "a later run of that window");
         assert!(runs.iter().all(|run| run.age == "2 hours ago"), "{runs:?}");
     }
 

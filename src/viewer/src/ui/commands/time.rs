@@ -82,7 +82,7 @@ registry!(
             c.play(command);
         }
     })
-    .known_as("jump crash accident collision long stop lost link left the road grave")
+    .known_as("next jump crash accident collision long stop lost link left the road grave")
     .only(|state, shown| match state.events.last_grave(shown.events) {
         Some(_) => looks_back(state, shown),
         None => {

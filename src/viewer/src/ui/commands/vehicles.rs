@@ -41,7 +41,7 @@ pub const GESTURES: &[(&str, &str)] = &[
     ("click", "Select a vehicle, in the city or in the table"),
     ("double click", "Follow it"),
     ("right click", "Menu of a vehicle or a place"),
-    ("Tab, then Up and Down", "Move the selection in the table"),
+    ("Tab out of the filter, then Up and Down", "Move the selection in the table"),
 ];
 
 fn has_vehicles(_: &UiState, shown: &ViewModel<'_>) -> Availability {
