@@ -416,7 +416,7 @@ fn bags_of_rosbag2_are_poses_to_replay() {
     let whole = std::fs::read(&part).unwrap();
     for (bytes, why) in [
         (&whole[..whole.len() / 2], ".recover"),
-        (&[&b"SQLite format 3\0"[..], &[9; 4000]].concat(), "those of no SQLite database"),
+        (&[&b"SQLite format 3\0"[..], &[9; 4000]].concat(), "that of no SQLite database"),
         (b"time,id,x,y,yaw\n0,1,2,3,4\n", "those of no bag"),
     ] {
         std::fs::write(&part, bytes).unwrap();

@@ -34,7 +34,9 @@ const STEPS_PER_BYTE: u64 = 8;
 /// What is wrong with a database.
 #[derive(Debug, ThisError)]
 enum Fault {
-    #[error("its first bytes are those of no SQLite database")]
+    #[error(
+        "its header is that of no SQLite database: it is cut off or damaged; copy it again, or record it again"
+    )]
     NoDatabase,
     #[error(
         "the database is damaged or cut off ({said}): copy it again, or save what is whole of it with sqlite3 {} .recover | \
