@@ -14,6 +14,8 @@ use rusqlite::{Connection, Error, ErrorCode, OpenFlags};
 use std::collections::BTreeMap;
 use std::ffi::OsString;
 use std::fmt::Write as _;
+use std::fs::File;
+use std::io::Read as _;
 use std::path::{Path, PathBuf};
 use thiserror::Error as ThisError;
 
@@ -82,8 +84,12 @@ enum Fault {
 /// tables, or exceeds a limit.
 pub fn read(path: &Path, take: impl FnMut(&str, &str, &[u8])) -> Result<(), RecordError> {
     let unreadable = |reason| RecordError::Unreadable { path: path.to_path_buf(), reason };
-    let (_, size) = input::open(path).map_err(unreadable)?;
+    let (file, size) = input::open(path).map_err(unreadable)?;
     let wrong = |fault: Fault| RecordError::NoBag { path: path.to_path_buf(), reason: fault.to_string() };
+    if !has_whole_pages(file, size).map_err(unreadable)? {
+        let said = "its last page is not whole".to_owned();
+        return Err(wrong(Fault::Damaged { path: path.to_path_buf(), said }));
+    }
     for ending in ["-wal", "-journal"] {
         let beside = with_ending(path, ending);
         if std::fs::metadata(&beside).is_ok_and(|beside| beside.len() > 0) {
@@ -91,6 +97,18 @@ pub fn read(path: &Path, take: impl FnMut(&str, &str, &[u8])) -> Result<(), Reco
         }
     }
     Database::open(path, size).and_then(|database| database.messages(take)).map_err(wrong)
+}
+
+/// Whether a file ends with a page: SQLite takes what a last page lacks for zeros.
+fn has_whole_pages(file: File, size: u64) -> std::io::Result<bool> {
+    const PLACE: usize = 16;
+    let mut header = Vec::new();
+    file.take(PLACE as u64 + 2).read_to_end(&mut header)?;
+    let page =
+        header.get(PLACE..).and_then(<[u8]>::first_chunk).map_or(0, |bytes| u16::from_be_bytes(*bytes));
+    // 1 stands for 65536; a size that no page has is left to SQLite to refuse.
+    let page = if page == 1 { 65_536 } else { u64::from(page) };
+    Ok(!page.is_power_of_two() || size.is_multiple_of(page))
 }
 
 fn with_ending(path: &Path, ending: &str) -> PathBuf {
