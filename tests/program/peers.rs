@@ -415,7 +415,7 @@ fn bags_of_rosbag2_are_poses_to_replay() {
     let part = folder.join("sqlite3-9-split/sqlite3-9-split_a.db3");
     let whole = std::fs::read(&part).unwrap();
     for (bytes, why) in [
-        (&whole[..whole.len() / 2], ".recover"),
+        (&whole[..whole.len() / 2], ".dump | sed"),
         (&[&b"SQLite format 3\0"[..], &[9; 4000]].concat(), "that of no SQLite database"),
         (b"time,id,x,y,yaw\n0,1,2,3,4\n", "those of no bag"),
     ] {

@@ -41,13 +41,13 @@ enum Fault {
     )]
     NoDatabase,
     #[error(
-        "the database is damaged or cut off ({said}): copy it again, or save what is whole of it with sqlite3 {} .recover | \
-         sqlite3 rescued.db3",
+        "the database is damaged or cut off ({said}): copy it again, or save what is whole of it with sqlite3 '{}' .dump | \
+         sed 's/^ROLLBACK.*/COMMIT;/' | sqlite3 rescued.db3",
         path.display()
     )]
     Damaged { path: PathBuf, said: String },
     #[error(
-        "it was not closed, and {} has its last messages: end the recording, then close it with sqlite3 {} \"pragma \
+        "it was not closed, and {} has its last messages: end the recording, then close it with sqlite3 '{}' \"pragma \
          journal_mode = delete\"",
         beside.display(), path.display()
     )]
