@@ -467,8 +467,8 @@ fn ros1_bag() -> Vec<u8> {
     [&b"#ROSBAG V2.0\n"[..], &header, &chunk].concat()
 }
 
-/// A bag of ROS 2: the same fields in CDR, little-endian, padded to their sizes.
-fn ros2_bag() -> Vec<u8> {
+/// A transform of ROS 2: the same fields in CDR, little-endian, padded to their sizes.
+fn ros2_transform() -> Vec<u8> {
     let mut cdr = vec![0, 1, 0, 0];
     let text = |cdr: &mut Vec<u8>, text: &str| {
         cdr.resize(cdr.len().next_multiple_of(4), 0);
@@ -479,20 +479,40 @@ fn ros2_bag() -> Vec<u8> {
     text(&mut cdr, "vicon/a/a");
     cdr.resize((cdr.len() - 4).next_multiple_of(8) + 4, 0);
     cdr.extend([1.5, -2.0, 0.0, 0.0, 0.0, 0.6, 0.8_f64].iter().flat_map(|number| number.to_le_bytes()));
+    cdr
+}
+
+fn ros2_bag() -> Vec<u8> {
     let mut bytes = Cursor::new(Vec::new());
     let options = mcap::WriteOptions::new().compression(None).calculate_chunk_crcs(false);
     let mut writer = options.create(&mut bytes).unwrap();
     let schema = writer.add_schema("geometry_msgs/msg/TransformStamped", "ros2msg", b"").unwrap();
     let channel_id = writer.add_channel(schema, "/vicon/a/a", "cdr", &BTreeMap::new()).unwrap();
     let header = MessageHeader { channel_id, sequence: 0, log_time: 0, publish_time: 0 };
-    writer.write_to_known_channel(&header, &cdr).unwrap();
+    writer.write_to_known_channel(&header, &ros2_transform()).unwrap();
     writer.finish().unwrap();
     drop(writer);
     bytes.into_inner()
 }
 
+/// The same in SQLite.
+fn sqlite_bag() -> Vec<u8> {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("seed.db3");
+    let database = rusqlite::Connection::open(&path).unwrap();
+    let tables = "PRAGMA page_size = 512;
+        CREATE TABLE topics(id INTEGER PRIMARY KEY, name TEXT, type TEXT, serialization_format TEXT);
+        CREATE TABLE messages(id INTEGER PRIMARY KEY, topic_id INTEGER, timestamp INTEGER, data BLOB);
+        INSERT INTO topics VALUES (1, '/vicon/a/a', 'geometry_msgs/msg/TransformStamped', 'cdr')";
+    database.execute_batch(tables).unwrap();
+    database.execute("INSERT INTO messages VALUES (1, 1, 0, ?1)", [ros2_transform()]).unwrap();
+    drop(database);
+    std::fs::read(path).unwrap()
+}
+
 fn bags() -> Vec<Seed> {
-    vec![("bags", "ros1".to_owned(), ros1_bag()), ("bags", "ros2".to_owned(), ros2_bag())]
+    let bags = [("ros1", ros1_bag()), ("ros2", ros2_bag()), ("sqlite", sqlite_bag())];
+    bags.map(|(name, bytes)| ("bags", name.to_owned(), bytes)).into()
 }
 
 fn pose_tables() -> Vec<Seed> {

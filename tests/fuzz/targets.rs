@@ -296,7 +296,7 @@ pub fn logs(data: &[u8]) {
     });
 }
 
-/// A bag of ROS 1, or of ROS 2 in MCAP.
+/// A bag of ROS 1, or of ROS 2 in MCAP or SQLite.
 pub fn bags(data: &[u8]) {
     let names = BTreeMap::from([("a", 1), ("b", 2)]);
     let names = names.into_iter().map(|(name, id)| (name.to_owned(), VehicleId(id))).collect();

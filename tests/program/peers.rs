@@ -342,6 +342,90 @@ fn bags_of_ros_are_poses_to_replay() {
     }
 }
 
+/// A car whose poses a bag of ROS 2 has under `/vicon/car/car`.
+const ONE_CAR: &str = r#"
+name = "one"
+duration_s = 3
+
+[[vehicle]]
+name = "car"
+route = ["main-boulevard/east/inner/1", "second-avenue/west/1"]
+at_m = 0.9
+"#;
+
+#[test]
+fn bags_of_rosbag2_are_poses_to_replay() {
+    let Some(python) = python() else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    std::fs::write(folder.join("one.toml"), ONE_CAR).unwrap();
+    city3d(&["run", "one.toml", "--out", "run"], folder);
+    let run = rows(&folder.join("run/vehicles.csv"));
+    let write = |storage: &str, version: &str, form: &str| {
+        let name = format!("{storage}-{version}-{form}");
+        let [log, bag] = ["run/run.mcap", &name].map(|path| folder.join(path));
+        let arguments = [Path::new(storage), Path::new(version), Path::new(form), &log, &bag];
+        let (output, told) = peer(&python, "write_rosbag2.py", &arguments);
+        assert!(output.status.success(), "{name}: {told}");
+        name
+    };
+    let comes_back = |bag: &str| {
+        city3d(&["replay", bag, "--scenario", "one.toml", "--out", "replayed", "--force"], folder);
+        let replayed = rows(&folder.join("replayed/vehicles.csv"));
+        assert_eq!(replayed.len(), run.len(), "{bag}");
+        for (replayed, run) in replayed.iter().zip(&run) {
+            assert_eq!((&replayed["t"], &replayed["id"]), (&run["t"], &run["id"]), "{bag}");
+            for column in ["x", "y", "yaw"] {
+                let [a, b] = [replayed, run].map(|row| row[column].parse::<f64>().unwrap());
+                assert!((a - b).abs() < 1e-3, "{bag} {column}: {a} {b}");
+            }
+        }
+    };
+    let refused = |arguments: &[&str], whys: &[&str]| {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_city3d"));
+        let (output, told) = output(command.args(arguments).current_dir(folder));
+        assert_eq!(output.status.code(), Some(2), "{told}");
+        assert!(whys.iter().all(|why| told.contains(why)), "{told}");
+    };
+    let replay = |bag: &str, whys: &[&str]| {
+        refused(&["replay", bag, "--scenario", "one.toml", "--out", "refused"], whys);
+    };
+    // Humble and Jazzy; a folder, its file alone, and one without its metadata, as of a recorder that was killed.
+    for version in ["8", "9"] {
+        for (storage, ending) in [("sqlite3", "db3"), ("mcap", "mcap")] {
+            let bag = write(storage, version, "whole");
+            comes_back(&bag);
+            comes_back(&format!("{bag}/{bag}.{ending}"));
+            comes_back(&write(storage, version, "split"));
+            std::fs::remove_file(folder.join(&bag).join("metadata.yaml")).unwrap();
+            comes_back(&bag);
+            for form in ["file", "message"] {
+                let bag = write(storage, version, form);
+                replay(&bag, &[&bag, "compressed (zstd)", "rosbags-convert --src"]);
+                let file = format!("{bag}/{bag}.{ending}{}", if form == "file" { ".zstd" } else { "" });
+                replay(&file, &[&file, "compressed", "decompress it first"]);
+            }
+        }
+    }
+    // Without a scenario there is no run to show.
+    for bag in ["sqlite3-8-split", "mcap-8-split", "sqlite3-8-whole/sqlite3-8-whole.db3"] {
+        refused(&["replay", bag], &["--scenario SCENARIO --out DIR"]);
+    }
+    // A part that is missing, one that is cut off, and one that is something else.
+    let part = folder.join("sqlite3-9-split/sqlite3-9-split_a.db3");
+    let whole = std::fs::read(&part).unwrap();
+    for (bytes, why) in [
+        (&whole[..whole.len() / 2], ".dump | sed"),
+        (&[&b"SQLite format 3\0"[..], &[9; 4000]].concat(), "that of no SQLite database"),
+        (b"time,id,x,y,yaw\n0,1,2,3,4\n", "those of no bag"),
+    ] {
+        std::fs::write(&part, bytes).unwrap();
+        replay("sqlite3-9-split", &["sqlite3-9-split_a.db3: ", why]);
+    }
+    std::fs::remove_file(&part).unwrap();
+    replay("sqlite3-9-split", &["sqlite3-9-split_a.db3: ", "copy the whole folder"]);
+}
+
 /// The rows of a table, each by its columns.
 fn rows(table: &Path) -> Vec<BTreeMap<String, String>> {
     csv::Reader::from_path(table).unwrap().deserialize().map(Result::unwrap).collect()

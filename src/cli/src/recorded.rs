@@ -25,17 +25,10 @@ impl From<RecordedPosesError> for Failure {
 
 impl PosesReplay<'_> {
     pub fn replay(&self) -> Result<(), Failure> {
-        let poses = match file_kind(self.poses).map_err(Failure::bad_input)? {
-            FileKind::Mcap | FileKind::Ros1Bag => {
-                RecordedPoses::of_bag(self.poses, &*load::experiment(&self.scenario(None))?)
-            }
-            FileKind::Text => RecordedPoses::of_table(self.poses),
-            FileKind::Other => {
-                return Err(Failure::bad_input(format!(
-                    "{}: its first bytes are those of no bag (ROS 1 in format 2.0, or MCAP) and of no table (text in UTF-8)",
-                    self.poses.display()
-                )));
-            }
+        let poses = if self.is_bag()? {
+            RecordedPoses::of_bag(self.poses, &*load::experiment(&self.scenario(None))?)
+        } else {
+            RecordedPoses::of_table(self.poses)
         }?;
         let experiment = load::experiment(&self.scenario(Some(poses.duration_s())))?;
         self.examine(&poses, &experiment)?;
@@ -52,6 +45,21 @@ impl PosesReplay<'_> {
         bar.finish_and_clear();
         conclude(&summary, &experiment, Some(self.out), self.json)?;
         fail_if_stopped(&summary, &experiment)
+    }
+
+    /// Whether it is a bag rather than a table.
+    fn is_bag(&self) -> Result<bool, Failure> {
+        if self.poses.is_dir() {
+            return Ok(true);
+        }
+        match file_kind(self.poses).map_err(Failure::bad_input)? {
+            FileKind::Mcap | FileKind::Ros1Bag | FileKind::Sqlite | FileKind::Zstandard => Ok(true),
+            FileKind::Text => Ok(false),
+            FileKind::Other => Err(Failure::bad_input(format!(
+                "{}: its first bytes are those of no bag (ROS 1 in format 2.0, MCAP, or SQLite) and of no table (text in UTF-8)",
+                self.poses.display()
+            ))),
+        }
     }
 
     fn scenario(&self, duration: Option<f64>) -> ScenarioArgs {

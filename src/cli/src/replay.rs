@@ -7,7 +7,7 @@ use super::say::say;
 use super::served_at::ServedAt;
 use super::web::WebArgs;
 use super::{Failure, progress};
-use city3d_logbook::record::{FileKind, file_kind, last_tick};
+use city3d_logbook::record::{FileKind, file_kind, is_bag_folder, last_tick};
 use city3d_logbook::replay::{Replay, ReplayError};
 use city3d_logbook::verify::{DifferentVehicle, VerifyReport};
 use city3d_simulation::scenario::shipped_scenarios;
@@ -16,9 +16,9 @@ use std::path::{Path, PathBuf};
 
 #[derive(Debug, Args)]
 pub struct ReplayArgs {
-    /// The run.mcap or the folder of a run; or poses that were measured elsewhere: a bag of ROS 1 or ROS 2 (MCAP) with
-    /// transforms or stamped poses named after the vehicles, or a CSV file (time, id, x, y, yaw; seconds, laboratory
-    /// metres, radians)
+    /// The run.mcap or the folder of a run; or poses that were measured elsewhere: a bag of ROS 1 or ROS 2 (a file,
+    /// or the folder of a bag of ROS 2) with transforms or stamped poses named after the vehicles, or a CSV file (time, id,
+    /// x, y, yaw; seconds, laboratory metres, radians)
     log: PathBuf,
     /// With poses: the scenario that has their map and vehicles
     #[arg(long, value_name = "FILE", conflicts_with = "verify")]
@@ -59,8 +59,8 @@ pub fn replay(args: &ReplayArgs) -> Result<(), Failure> {
     }
     let log = &log_of(&args.log);
     let is_table = log.extension().is_some_and(|extension| extension == "csv");
-    let is_ros1_bag = matches!(file_kind(log), Ok(FileKind::Ros1Bag));
-    if !args.verify && (is_table || is_ros1_bag) {
+    let is_bag = matches!(file_kind(log), Ok(FileKind::Ros1Bag | FileKind::Sqlite));
+    if !args.verify && (is_table || is_bag) {
         return Err(poses_need(&args.log));
     }
     if let Some(at) = page {
@@ -115,7 +115,7 @@ fn no_log(path: &Path) -> Option<Failure> {
         )));
     }
     if path.is_dir() && !log_of(path).is_file() {
-        return Some(no_run(path));
+        return Some(if is_bag_folder(path) { poses_need(path) } else { no_run(path) });
     }
     None
 }

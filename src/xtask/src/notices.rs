@@ -245,7 +245,8 @@ fn is_licence(name: &str) -> bool {
         .iter()
         .any(|ending| name.ends_with(ending));
     let starts = ["LICENSE", "LICENCE", "NOTICE", "UNLICENSE", "COPYRIGHT", "OFL", "UFL"];
-    !is_code && (starts.iter().any(|start| name.starts_with(start)) || name.contains("MIT-LICENSE"))
+    let contains = name.contains("MIT-LICENSE") || name.ends_with("-MIT");
+    !is_code && (starts.iter().any(|start| name.starts_with(start)) || contains)
 }
 
 /// Copyright lines of a licence text, and the rest of it.

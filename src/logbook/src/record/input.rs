@@ -7,6 +7,10 @@ use std::path::Path;
 
 /// First bytes of a bag of ROS 1, format 2.0.
 pub(super) const ROS1_MAGIC: &[u8] = b"#ROSBAG V2.0\n";
+/// First bytes of an SQLite database.
+const SQLITE_MAGIC: &[u8] = b"SQLite format 3\0";
+/// First bytes of what Zstandard compressed.
+pub(super) const ZSTANDARD_MAGIC: [u8; 4] = [0x28, 0xb5, 0x2f, 0xfd];
 
 /// Kind of a file by its first bytes, whatever its name.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -15,6 +19,10 @@ pub enum FileKind {
     Mcap,
     /// A bag of ROS 1, format 2.0.
     Ros1Bag,
+    /// An SQLite database: a bag of ROS 2.
+    Sqlite,
+    /// A file compressed with Zstandard, such as one of a bag of ROS 2.
+    Zstandard,
     /// Text, such as a table.
     Text,
     /// Anything else.
@@ -33,6 +41,10 @@ pub fn file_kind(path: &Path) -> std::result::Result<FileKind, RecordError> {
         FileKind::Mcap
     } else if start.starts_with(ROS1_MAGIC) {
         FileKind::Ros1Bag
+    } else if start.starts_with(SQLITE_MAGIC) {
+        FileKind::Sqlite
+    } else if start.starts_with(&ZSTANDARD_MAGIC) {
+        FileKind::Zstandard
     } else if is_text() {
         FileKind::Text
     } else {
@@ -80,7 +92,8 @@ mod tests {
             (b"#ROSBAG V2.0\nxyz", FileKind::Ros1Bag),
             (b"time,id,x,y,yaw\r\n1,2,3,4,5\n", FileKind::Text),
             ("\u{feff}time;caf\u{e9}".as_bytes(), FileKind::Text),
-            (b"SQLite format 3\0", FileKind::Other),
+            (b"SQLite format 3\0", FileKind::Sqlite),
+            (b"\x28\xb5\x2f\xfdxyz", FileKind::Zstandard),
             (b"\x89PNG\r\n\x1a\n", FileKind::Other),
         ] {
             let file = tempfile::NamedTempFile::new().unwrap();

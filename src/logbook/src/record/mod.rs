@@ -29,7 +29,7 @@ pub mod message {
     pub use super::transforms::{TRANSFORM_SCHEMA, TRANSFORM_TYPE, encode_transform};
 }
 
-pub use bag::read_bag;
+pub use bag::{is_bag_folder, read_bag};
 pub use chunks::{ChunkInfo, ChunkedLog, EntryFilter};
 pub use decisions::LoggedDecisions;
 pub use input::{FileKind, file_kind, is_log};

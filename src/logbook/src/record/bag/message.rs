@@ -79,6 +79,13 @@ impl PrimitiveReader for Ros1Reader<'_> {
     }
 }
 
+/// Whether messages of a type, by its ROS 1 or ROS 2 name, have poses.
+pub fn is_pose_type(kind: &str) -> bool {
+    let types =
+        ["geometry_msgs/TransformStamped", "tf2_msgs/TFMessage", "tf/tfMessage", "geometry_msgs/PoseStamped"];
+    types.contains(&kind.replace("/msg/", "/").as_str())
+}
+
 /// The poses of a message by its ROS 1 or ROS 2 type name: empty for types without poses, `None` for a damaged
 /// message.
 pub fn poses_of<P: PrimitiveReader>(kind: &str, topic: &str, from: &mut P) -> Option<Vec<BagPose>> {
