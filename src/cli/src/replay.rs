@@ -149,6 +149,7 @@ fn no_run(path: &Path) -> Failure {
 
 /// Serves a page on a log until a signal ends it.
 #[cfg(feature = "web")]
+#[cfg_attr(not(feature = "render"), expect(unused_variables, reason = "without pictures there is no look"))]
 fn show_on_page(log: &Path, mut at: ServedAt, args: &ReplayArgs) -> Result<(), Failure> {
     use super::web::{PagedCity, start, tell};
     use city3d_session::playback::SharedPlayer;

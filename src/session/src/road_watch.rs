@@ -172,7 +172,10 @@ mod tests {
         let out = city3d_scene::RoadsOut::of(map);
         let [low, high] = map.bounds();
         let (middle, reach_m) = ((low + high) / 2.0, (high - low).length());
-        let around = (0..20_000).map(|k| middle + DVec2::from_angle(f64::from(k) * 3.2e-4) * reach_m);
+        let around = (0..20_000).map(|k| {
+            let (sin, cos) = city3d_geometry::trig::sin_cos(f64::from(k) * 3.2e-4);
+            middle + DVec2::new(cos, sin) * reach_m
+        });
         let on_road = around.clone().find(|at| out.is_near(*at, 0.0)).unwrap();
         let on_field = around.clone().find(|at| !out.is_near(*at, 20.0)).unwrap();
         let start = map.lanes[0].curve.start().position;

@@ -70,7 +70,7 @@ impl SharedPlayer {
         let state = PublishedState::of(Arc::clone(&latest));
         let remote = PlayerRemote { news, head: Arc::clone(&head) };
         let work = move || {
-            Screening { player, latest, head, shown: first, events: EventFeed::default() }.go_on(&inbox)
+            Screening { player, latest, head, shown: first, events: EventFeed::default() }.go_on(&inbox);
         };
         let thread = std::thread::Builder::new().name("shared log".to_owned()).spawn(work);
         Ok(Self { experiment, remote, state, thread: Some(thread.map_err(PlaybackError::Thread)?) })

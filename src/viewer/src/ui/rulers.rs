@@ -120,22 +120,25 @@ fn north_in(city_from_camera: DQuat) -> Vec2 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use city3d_geometry::trig;
     use glam::DMat3;
+    use std::f64::consts::{FRAC_PI_2, FRAC_PI_4};
 
     #[test]
     fn the_compass_turns_with_a_camera_that_looks_round() {
-        for pitch_deg in [0.0_f64, 40.0, 89.9] {
-            for (heading_deg, expected) in
-                [(90.0_f64, [0.0, -1.0]), (0.0, [-1.0, 0.0]), (45.0, [-0.707, -0.707])]
+        for pitch_rad in [0.0, 0.7, 1.57] {
+            for (heading_rad, expected) in
+                [(FRAC_PI_2, [0.0, -1.0]), (0.0, [-1.0, 0.0]), (FRAC_PI_4, [-0.707, -0.707])]
             {
-                // A camera that looks along a heading, and down by a pitch: x right, y down, z forward.
-                let heading = DQuat::from_rotation_z(heading_deg.to_radians());
-                let level = DMat3::from_cols(-DVec3::Y, -DVec3::Z, DVec3::X);
-                let orientation =
-                    heading * DQuat::from_rotation_y(pitch_deg.to_radians()) * DQuat::from_mat3(&level);
-                let north = north_in(orientation);
+                let (sin, cos) = trig::sin_cos(heading_rad);
+                let (down, level) = trig::sin_cos(pitch_rad);
+                // A camera's axes: x right, y down, z forward.
+                let right = DVec3::new(sin, -cos, 0.0);
+                let forward = DVec3::new(cos * level, sin * level, -down);
+                let axes = DMat3::from_cols(right, forward.cross(right), forward);
+                let north = north_in(DQuat::from_mat3(&axes));
                 let off = (north - Vec2::from(expected)).length();
-                assert!(off < 2e-3, "{heading_deg} {pitch_deg}: {north:?}");
+                assert!(off < 2e-3, "{heading_rad} {pitch_rad}: {north:?}");
             }
         }
     }
