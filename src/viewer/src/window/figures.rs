@@ -428,6 +428,20 @@ mod tests {
     }
 
     #[test]
+    fn beside_kept_vehicles_the_selected_one_is_in_a_figure_of_paths() {
+        let mut watched = Watched::new();
+        watched.go_to(2500);
+        let kept =
+            ChartState { kind: ChartKind::SpaceTime, vehicles: vec![VehicleId(4)], ..ChartState::default() };
+        let mut rows = |selected| {
+            let view = watched.chosen_of(&kept, selected);
+            view.figure.unwrap_or_else(|| panic!("{:?}", view.trouble)).table.rows.len()
+        };
+        let (alone, same, both) = (rows(None), rows(Some(VehicleId(4))), rows(Some(VehicleId(5))));
+        assert!(alone == same && both > alone * 3 / 2, "{alone} {same} {both}");
+    }
+
+    #[test]
     fn of_several_merging_points_the_chosen_one_is_shown_else_one_that_the_kept_vehicles_pass() {
         let mut watched = Watched::of("intersection-signals");
         watched.go_to(20_000);

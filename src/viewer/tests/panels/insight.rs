@@ -9,7 +9,7 @@ use city3d_session::playback::{Occurrence, TimelineMark};
 use city3d_session::{ControlInsight, decisions};
 use city3d_simulation::runner::Run;
 use city3d_simulation::scenario::{Library, Overrides, read_experiment};
-use city3d_viewer::ui::{CameraMode, LiveTraffic, UiAction};
+use city3d_viewer::ui::{CameraMode, LiveTraffic, ManualDrive, UiAction};
 use egui::{Event, PointerButton, Pos2};
 use egui_kittest::Harness;
 use egui_kittest::kittest::Queryable;
@@ -93,6 +93,19 @@ fn the_inspector_says_to_whom_a_vehicle_yields_and_a_click_goes_there() {
     press(&mut harness, egui::Key::I);
     assert!(harness.query_by_label("Command delay").is_none(), "the key closes it");
     assert_eq!(harness.state().state.selection.vehicle, Some(other));
+}
+
+#[test]
+fn a_car_that_a_person_has_driven_into_something_is_still_driven_by_them() {
+    let (mut desk, vehicle, _) = yielding();
+    desk.state.selection.vehicle = Some(vehicle);
+    desk.state.open.inspector = true;
+    desk.state.driving = Some(ManualDrive::take_over(vehicle, 1, 0.0));
+    desk.change(|now| now.vehicles.iter_mut().for_each(|v| v.status = Status::Collided));
+    let mut harness = harness(desk);
+    harness.run_steps(2);
+    assert_eq!(harness.query_all_by_label("no path, a person drives").count(), 2, "{:?}", texts(&harness));
+    assert!(harness.query_by_label_contains("a person; ").is_some(), "{:?}", texts(&harness));
 }
 
 #[test]

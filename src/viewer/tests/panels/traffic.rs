@@ -1,7 +1,7 @@
 //! The panel Traffic: what a run costs while it goes on, and the space-time diagram.
 
 use super::city::{has_text, texts};
-use super::desk::{Desk, Recording, click, harness, present, press};
+use super::desk::{Desk, EditedFile, Recording, click, harness, present, press};
 use city3d_protocol::snapshot::VehicleId;
 use city3d_session::TrafficRecorder;
 use city3d_session::playback::Playhead;
@@ -53,6 +53,19 @@ fn the_panel_has_the_numbers_of_the_run() {
     assert!(stops != "0" && harness.query_all_by_label(&stops).count() > 0, "{stops}");
     press(&mut harness, egui::Key::F4);
     assert!(harness.query_by_label("Flow (/h)").is_none());
+}
+
+#[test]
+fn in_the_editor_no_figures_are_told_of_the_run_before() {
+    for traffic in [true, false] {
+        let mut desk = roundabout(3);
+        desk.edit = Some(EditedFile::of_fleet(3));
+        desk.events = vec![super::timeline::mark(1.0, 1, city3d_protocol::snapshot::EventKind::Stop)];
+        (desk.state.open.traffic, desk.state.open.events) = (traffic, !traffic);
+        let harness = harness(desk);
+        assert!(harness.query_by_label("The edited scenario has not run yet.").is_some(), "{traffic}");
+        assert!(harness.query_by_label_contains("Measured from").is_none());
+    }
 }
 
 #[test]

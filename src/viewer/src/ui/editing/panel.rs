@@ -32,7 +32,7 @@ pub fn show(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>, actions: &m
         match selected.and_then(|id| edit.vehicle(id)) {
             Some(vehicle) => form::show(ui, vehicle, state, (shown, edit), actions),
             None if selected.is_some() => {
-                ui.label("This vehicle is of [traffic] or of an [[inflow]]: change it in the file.");
+                ui.label("This vehicle comes with the random traffic of the scenario. Its number and routes are set in the file, under [traffic] or [[inflow]]; vehicles that you add are changed here.");
             }
             None => {
                 ui.label("Select a vehicle to change it, or add one.");
