@@ -6,6 +6,15 @@ use std::task::Waker;
 
 /// Longest message that is received, bytes.
 pub(crate) const MAX_MESSAGE_BYTES: usize = 1 << 20;
+/// Encapsulation header of CDR, bytes.
+pub(crate) const HEADER_BYTES: usize = 4;
+/// Messages of a subscription that wait to be taken; the oldest are dropped.
+pub(crate) const RECEIVE_DEPTH: u16 = 256;
+
+/// What a middleware refused.
+pub(crate) fn refused(error: impl ToString) -> Ros2Error {
+    Ros2Error::Start(error.to_string())
+}
 
 /// What a subscriber can rely on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

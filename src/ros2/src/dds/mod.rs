@@ -5,7 +5,10 @@ mod fence;
 mod graph;
 
 use crate::Ros2Error;
-use crate::middleware::{MAX_MESSAGE_BYTES, Middleware, Offer, Received, TopicPublisher, TopicSubscriber};
+use crate::middleware::{
+    HEADER_BYTES, MAX_MESSAGE_BYTES, Middleware, Offer, RECEIVE_DEPTH, Received, TopicPublisher,
+    TopicSubscriber, refused,
+};
 use crate::options::{Ros2Network, Ros2Options};
 use city3d_protocol::ros2::MessageKind;
 use graph::NodeGraph;
@@ -23,15 +26,6 @@ use std::collections::VecDeque;
 use std::convert::Infallible;
 use std::net::{IpAddr, Ipv4Addr};
 use std::task::Waker;
-
-/// Encapsulation header of CDR, which RustDDS writes itself.
-const HEADER_BYTES: usize = 4;
-/// Messages of a subscription that wait to be taken.
-const RECEIVE_DEPTH: i32 = 256;
-
-fn refused(error: impl ToString) -> Ros2Error {
-    Ros2Error::Start(error.to_string())
-}
 
 /// A participant of DDS with the topics of a node.
 pub(crate) struct Dds {
@@ -132,7 +126,7 @@ impl Middleware for Dds {
         let qos = QosPolicyBuilder::new()
             .reliability(Reliability::Reliable { max_blocking_time: Duration::ZERO })
             .durability(Durability::Volatile)
-            .history(History::KeepLast { depth: RECEIVE_DEPTH })
+            .history(History::KeepLast { depth: RECEIVE_DEPTH.into() })
             .build();
         let topic = self
             .participant
@@ -234,6 +228,7 @@ impl SerializerAdapter<Bytes> for RawCdr {
     }
 
     fn to_bytes(message: &Bytes) -> Result<Bytes, Infallible> {
+        // RustDDS writes the header itself.
         Ok(message.slice(HEADER_BYTES.min(message.len())..))
     }
 }

@@ -4,7 +4,10 @@
 mod names;
 
 use crate::Ros2Error;
-use crate::middleware::{MAX_MESSAGE_BYTES, Middleware, Offer, Received, TopicPublisher, TopicSubscriber};
+use crate::middleware::{
+    HEADER_BYTES, MAX_MESSAGE_BYTES, Middleware, Offer, RECEIVE_DEPTH, Received, TopicPublisher,
+    TopicSubscriber, refused,
+};
 use crate::options::{Ros2Network, Ros2Options};
 use ::zenoh::liveliness::LivelinessToken;
 use ::zenoh::pubsub::{Publisher, Subscriber};
@@ -21,15 +24,8 @@ use std::time::{SystemTime, UNIX_EPOCH};
 
 /// Where a router of rmw_zenoh listens, or whoever is there first.
 const PORT: u16 = 7447;
-/// Messages of a subscription that wait to be taken; the oldest are dropped.
-const RECEIVE_DEPTH: usize = 256;
 /// Encapsulation header of little-endian CDR; its options may be anything.
 const CDR_LE: [u8; 2] = [0x00, 0x01];
-const HEADER_BYTES: usize = 4;
-
-fn refused(error: impl ToString) -> Ros2Error {
-    Ros2Error::Start(error.to_string())
-}
 
 /// A session of Zenoh with the topics of a node.
 pub(crate) struct Zenoh {
@@ -115,7 +111,7 @@ impl Middleware for Zenoh {
         kind: MessageKind,
         waker: &Waker,
     ) -> Result<Box<dyn TopicSubscriber>, Ros2Error> {
-        let offer = Offer { window: RECEIVE_DEPTH as u16, is_latched: false };
+        let offer = Offer { window: RECEIVE_DEPTH, is_latched: false };
         let endpoint = self.names.endpoint(EndpointKind::Subscriber, topic, kind, offer);
         let queue = Arc::new(Queue::default());
         let (to, waker) = (Arc::clone(&queue), waker.clone());
@@ -230,7 +226,7 @@ struct Queue {
 impl Queue {
     fn push(&self, message: Received) {
         let mut messages = locked(&self.messages);
-        if messages.len() >= RECEIVE_DEPTH {
+        if messages.len() >= usize::from(RECEIVE_DEPTH) {
             messages.pop_front();
         }
         messages.push_back(message);

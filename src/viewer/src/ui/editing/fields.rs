@@ -2,7 +2,7 @@
 
 use crate::ui::{DecimalSeparator, theme};
 use city3d_geometry::trig;
-use egui::{ComboBox, Id, Key, RichText, TextEdit, Ui};
+use egui::{ComboBox, Id, Key, Response, RichText, TextEdit, Ui};
 use std::ops::RangeInclusive;
 
 /// A text; `typed` keeps it while the field has the keyboard.
@@ -14,6 +14,11 @@ pub(super) fn text(
 ) -> Option<String> {
     let mut new = typed.take().unwrap_or_else(|| present.to_owned());
     let field = ui.add(TextEdit::singleline(&mut new).desired_width(width)).labelled_by(label);
+    told(&field, new, present, typed)
+}
+
+/// What was typed, once the field is left; meanwhile `typed` keeps it.
+fn told(field: &Response, new: String, present: &str, typed: &mut Option<String>) -> Option<String> {
     if field.lost_focus() {
         return (new != present).then_some(new);
     }
@@ -39,13 +44,10 @@ pub(super) fn long_text(
     }
     // What is pasted may have several lines.
     new = new.replace('\n', " ");
-    if field.lost_focus() || (!field.has_focus() && new != present) {
-        return (new != present).then_some(new);
+    if !field.has_focus() && new != present {
+        return Some(new);
     }
-    if field.has_focus() {
-        *typed = Some(new);
-    }
-    None
+    told(&field, new, present, typed)
 }
 
 /// Name of the choice that is written as no key at all.
