@@ -295,9 +295,8 @@ fn trajectory(
     let centimetres = |error_m: f64| format!("{} cm", decimal.signed(error_m * 100.0, 1));
     // Off its route its path is straight ahead, to a stop: no error of tracking.
     let is_off_route = is_off_route(decision);
-    let lateral = match vehicle.tracked_lateral_error_m() {
+    let lateral = match vehicle.tracked_lateral_error_m().filter(|_| !is_driven) {
         _ if !shown.has_control_data => not_told(shown).to_owned(),
-        _ if is_driven => NO_PATH.to_owned(),
         None => NO_PATH.to_owned(),
         Some(_) if is_off_route => OFF_ROUTE.to_owned(),
         Some(error_m) => centimetres(error_m),
