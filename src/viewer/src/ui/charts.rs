@@ -5,7 +5,7 @@ use super::preview::{marks, round_step};
 use super::theme::{self, DecimalSeparator};
 use super::{UiAction, UiState, ViewModel};
 use city3d_geometry::trig;
-use city3d_logbook::figures::chart::{Colour, Dash, Figure, Panel};
+use city3d_logbook::figures::chart::{Colour, Dash, Figure, LegendEntry, Panel};
 use city3d_logbook::figures::{FigureScale, Quantity};
 use city3d_protocol::snapshot::VehicleId;
 use city3d_session::playback::PlaybackCommand;
@@ -369,6 +369,9 @@ fn plot(
     let decimal = theme::decimal(ui.ctx());
     let number = move |mark: GridMark, _: &std::ops::RangeInclusive<f64>| tick(mark, decimal);
     let axis = |hints: AxisHints<'static>| theme::small_axis(ui, hints);
+    let near = hover_words([&panel.x_label, &panel.y_label], decimal);
+    // Those over time are told for all lines at once, wherever the mouse is.
+    let tells_all = at_s.is_some() && !figure.legend.is_empty();
     let plot = Plot::new(("chart", index))
         .height(height)
         .custom_x_axes(vec![axis(AxisHints::new_x()).label(panel.x_label.as_str()).formatter(number)])
@@ -376,7 +379,7 @@ fn plot(
         // By themselves small axes have a single number.
         .x_grid_spacer(move |grid| grid_marks(grid.bounds, width / LEAST_BETWEEN[0]))
         .y_grid_spacer(move |grid| grid_marks(grid.bounds, height / LEAST_BETWEEN[1]))
-        .label_formatter(hover_words([&panel.x_label, &panel.y_label], decimal))
+        .label_formatter(move |hovered| near(hovered).filter(|_| !tells_all))
         .default_x_bounds(panel.x.0, panel.x.1)
         .default_y_bounds(panel.y.0, panel.y.1)
         .allow_scroll(false)
@@ -424,11 +427,44 @@ fn plot(
         }
         plot.response().clicked().then(|| plot.pointer_coordinate()).flatten()
     });
-    if at_s.is_some() {
-        shown.response.on_hover_text_at_pointer("Click to go to that time");
-        return shown.inner.map(|point| point.x);
-    }
-    None
+    at_s?;
+    let pointed = shown.response.hover_pos().map(|at| shown.transform.value_from_position(at).x);
+    let values = pointed.map_or_else(Vec::new, |time_s| values_at(&figure.legend, panel, time_s));
+    shown.response.on_hover_ui_at_pointer(|ui| {
+        if let Some(time_s) = pointed.filter(|_| !values.is_empty()) {
+            ui.label(at_words([&panel.x_label, &panel.y_label], (time_s, &values), decimal));
+        }
+        ui.label("Click to go to that time");
+    });
+    shown.inner.map(|point| point.x)
+}
+
+/// The values of the named lines at a place of the horizontal axis, in the order of the legend; a line that ends before it, or
+/// has a gap there, has none.
+fn values_at<'f>(legend: &'f [LegendEntry], panel: &Panel, x: f64) -> Vec<(&'f str, f64)> {
+    /// A sample farther away is none of that place, as a share of the axis.
+    const NEAR: f64 = 0.01;
+    let reach = NEAR * (panel.x.1 - panel.x.0);
+    let nearest = |points: &[(f64, f64)]| {
+        let near = points.iter().filter(|(at, value)| (at - x).abs() <= reach && value.is_finite());
+        near.min_by(|a, b| (a.0 - x).abs().total_cmp(&(b.0 - x).abs())).map(|(_, value)| *value)
+    };
+    let of_key = |key: &'f LegendEntry| {
+        let line = panel.lines.iter().find(|line| line.stroke == key.stroke)?;
+        Some((key.name.as_str(), nearest(&line.points)?))
+    };
+    legend.iter().filter_map(of_key).collect()
+}
+
+/// Values of lines at one time in words. `axes` are the labels of the axes, such as `Speed [km/h]`.
+fn at_words(axes: [&str; 2], (x, values): (f64, &[(&str, f64)]), decimal: DecimalSeparator) -> String {
+    let axes = axes.map(|label| label.trim_end_matches(']').split_once(" [").unwrap_or((label, "")));
+    let [(x_name, x_unit), (_, unit)] = axes;
+    let line = |(name, value): &(&str, f64)| {
+        format!("{name}: {} {unit}", decimal.fixed(*value, 2)).trim_end().to_owned()
+    };
+    let head = format!("{x_name}: {} {x_unit}", decimal.fixed(x, 2)).trim_end().to_owned();
+    std::iter::once(head).chain(values.iter().map(line)).collect::<Vec<_>>().join("\n")
 }
 
 /// Room of an axis for each of its numbers, across and down, points.
@@ -551,6 +587,22 @@ mod tests {
         charts.vehicles = vec![VehicleId(3), VehicleId(4)];
         assert_eq!(charts.shown(Some(VehicleId(9)), all()), [3, 4, 9].map(VehicleId));
         assert_eq!(charts.shown(Some(VehicleId(3)), all()), [3, 4].map(VehicleId));
+    }
+
+    #[test]
+    fn all_lines_are_told_at_the_time_under_the_mouse() {
+        use city3d_logbook::figures::chart::{ChartLine, LineStyle};
+        let stroke = |red: u8| LineStyle::solid([red, 0, 0]);
+        let line = |colour: u8, points: Vec<(f64, f64)>| ChartLine { points, stroke: stroke(colour) };
+        let entry = |colour: u8, name: &str| LegendEntry { name: name.to_owned(), stroke: stroke(colour) };
+        let first = (0..1000).map(|k| (f64::from(k) * 0.1, f64::from(k))).collect();
+        let ends = vec![(0.0, 5.0), (20.0, 6.0), (20.1, f64::NAN), (60.0, 7.0)];
+        let panel = Panel { x: (0.0, 100.0), lines: vec![line(2, ends), line(1, first)], ..Panel::default() };
+        let legend = [entry(1, "1 a"), entry(2, "2 b"), entry(3, "none")];
+        assert_eq!(values_at(&legend, &panel, 20.04), [("1 a", 200.0), ("2 b", 6.0)]);
+        assert_eq!(values_at(&legend, &panel, 40.0), [("1 a", 400.0)], "a gap has no value");
+        let words = at_words(["Time [s]", "Speed [km/h]"], (20.04, &[("1 a", 2.0)]), DecimalSeparator::Point);
+        assert_eq!(words, "Time: 20.04 s\n1 a: 2.00 km/h");
     }
 
     #[test]

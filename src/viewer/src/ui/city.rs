@@ -10,7 +10,7 @@ use super::{
     PictureRequest, PictureSlot, UiAction, UiState, ViewModel, Viewpoint, editing, legend, map, overlay,
     rain, rulers, status, theme,
 };
-use city3d_protocol::snapshot::{Status, VehicleId};
+use city3d_protocol::snapshot::{FrameSnapshot, Status, VehicleId};
 use city3d_roadmap::CityMap;
 use city3d_sensors::{BoundingBox, PictureKind, Weather};
 use city3d_session::{OFF_ROAD_M, RunPhase, is_beside_road};
@@ -35,7 +35,7 @@ pub fn show(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>, actions: &m
         editing::drag(&response, &canvas, picked, state, (shown, &mut *actions))
     };
     if !moves_vehicle {
-        move_camera(ui, &response, &mut state.viewpoint);
+        move_camera(ui, &response, &mut state.viewpoint, shown.interpolated);
     }
     state.viewpoint.update(shown.interpolated);
     let moves = shown.run_state.phase == RunPhase::Running || response.dragged() || state.is_scrubbing;
@@ -121,8 +121,8 @@ pub fn extent(rect: Rect, pixels_per_point: f32, most: Option<u32>) -> [u32; 2] 
     super::pixels(rect.size(), pixels_per_point * scale)
 }
 
-/// Turns, shifts and zooms a camera by the mouse.
-pub fn move_camera(ui: &Ui, response: &Response, camera: &mut Viewpoint) {
+/// Turns, shifts and zooms a camera by the mouse; the ground under the mouse stays there while the wheel zooms.
+pub fn move_camera(ui: &Ui, response: &Response, camera: &mut Viewpoint, seen: &FrameSnapshot) {
     let delta = response.drag_delta();
     let (right, down) = (f64::from(delta.x), f64::from(delta.y));
     let shifts = ui.input(|input| input.modifiers.shift);
@@ -135,7 +135,9 @@ pub fn move_camera(ui: &Ui, response: &Response, camera: &mut Viewpoint) {
         let (scroll, zoom) = ui.input(|input| (input.smooth_scroll_delta().y, input.zoom_delta()));
         let steps = f64::from(scroll) / SCROLL_STEP + f64::from(zoom - 1.0) * 8.0;
         if steps != 0.0 {
-            camera.zoom(steps);
+            let view = camera.view(seen, super::pixels(response.rect.size(), 1.0));
+            let canvas = Canvas::new(ui, &view, response.rect);
+            camera.zoom_at(steps, response.hover_pos().and_then(|at| canvas.ground_at(at)));
         }
     }
 }

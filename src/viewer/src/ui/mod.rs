@@ -554,6 +554,11 @@ fn footer(ui: &mut egui::Ui, shown: &ViewModel<'_>) {
                 let text = format!("{:3.0} fps", shown.frames_per_s);
                 ui.label(egui::RichText::new(text).small().monospace());
             }
+            // What tells its runs apart; an edited scenario has none yet.
+            if shown.city != CityKind::Elsewhere && shown.edit.is_none() {
+                let tip = "Seed and environment of this run: the same pair repeats it";
+                ui.small(shown.conditions).on_hover_text(tip);
+            }
             ui.add(egui::Label::new(egui::RichText::new(shown.footer).small().weak()).truncate());
         });
     });

@@ -1,4 +1,4 @@
-//! The legend of a picture of depth, classes or instances, over its lower edge.
+//! The legend of a picture of depth, classes or instances, below it.
 
 use city3d_geometry::trig;
 use city3d_scene::Class;
@@ -10,6 +10,8 @@ const ROW: f32 = 14.0;
 const SWATCH: f32 = 9.0;
 /// Between an entry and the next one, points.
 const APART: f32 = 8.0;
+/// Between the edge of the ground and what is written there, points.
+const MARGIN: Vec2 = vec2(4.0, 2.0);
 /// From which to which depth the greys of a picture are told apart, metres, and the grey of the far end: as in
 /// `shaders/palette.wgsl`.
 const NEAR_M: f64 = 1.0;
@@ -35,14 +37,25 @@ pub fn words(kind: PictureKind) -> String {
     }
 }
 
-/// Paints the legend of a picture into its rectangle; colour pictures have none.
-pub fn paint(painter: &Painter, picture: Rect, kind: PictureKind) {
+/// Height of the legend below a picture of some width, points; colour pictures have none.
+pub fn height(painter: &Painter, width: f32, kind: PictureKind) -> f32 {
+    let rows = match kind {
+        PictureKind::Rgb => return 0.0,
+        PictureKind::Depth => 2,
+        PictureKind::Semantic => rows(painter, width - 2.0 * MARGIN.x).len(),
+        PictureKind::Instance => 1,
+    };
+    ROW * rows as f32 + 2.0 * MARGIN.y
+}
+
+/// Paints the legend into the rectangle below a picture.
+pub fn paint(painter: &Painter, below: Rect, kind: PictureKind) {
     match kind {
         PictureKind::Rgb => {}
-        PictureKind::Depth => depth(painter, picture),
-        PictureKind::Semantic => classes(painter, picture),
+        PictureKind::Depth => depth(painter, below),
+        PictureKind::Semantic => classes(painter, below),
         PictureKind::Instance => {
-            let ground = ground(painter, picture, 1);
+            let ground = ground(painter, below);
             text(
                 painter,
                 ground.left_center(),
@@ -72,9 +85,9 @@ fn rows(painter: &Painter, width: f32) -> Vec<Vec<(Class, f32)>> {
     rows
 }
 
-fn classes(painter: &Painter, picture: Rect) {
-    let rows = rows(painter, picture.width() - 8.0);
-    let ground = ground(painter, picture, rows.len());
+fn classes(painter: &Painter, below: Rect) {
+    let ground = ground(painter, below);
+    let rows = rows(painter, ground.width());
     for (k, row) in rows.iter().enumerate() {
         for (class, left) in row {
             let middle = ground.left_top() + vec2(*left, ROW * (k as f32 + 0.5));
@@ -88,9 +101,9 @@ fn classes(painter: &Painter, picture: Rect) {
     }
 }
 
-fn depth(painter: &Painter, picture: Rect) {
+fn depth(painter: &Painter, below: Rect) {
     const STEPS: u8 = 48;
-    let ground = ground(painter, picture, 2);
+    let ground = ground(painter, below);
     let bar = Rect::from_min_size(ground.min + vec2(0.0, 3.0), vec2(ground.width(), ROW - 6.0));
     let x = |share: f32| bar.left() + share * bar.width();
     for step in 0..STEPS {
@@ -111,12 +124,10 @@ fn depth(painter: &Painter, picture: Rect) {
     }
 }
 
-/// The dark ground for some rows at the lower edge of a picture; returns where to write.
-fn ground(painter: &Painter, picture: Rect, rows: usize) -> Rect {
-    let height = ROW * rows as f32 + 4.0;
-    let ground = picture.with_min_y((picture.bottom() - height).max(picture.top()));
-    painter.rect_filled(ground, 0.0, Color32::from_black_alpha(190));
-    ground.shrink2(vec2(4.0, 2.0))
+/// Paints the dark ground; returns where to write.
+fn ground(painter: &Painter, below: Rect) -> Rect {
+    painter.rect_filled(below, 0.0, Color32::from_gray(20));
+    below.shrink2(MARGIN)
 }
 
 fn text(painter: &Painter, at: egui::Pos2, align: Align2, words: &str) {

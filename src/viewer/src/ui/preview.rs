@@ -308,12 +308,14 @@ fn drive_button(
     }
 }
 
-/// The picture, aligned to pixels: one screen pixel per camera pixel.
+/// The picture, aligned to pixels: one screen pixel per camera pixel. Its legend is below, where it hides nothing.
 fn picture(ui: &mut Ui, (preview, aspect): (&Preview, f32), shown: &ViewModel<'_>, state: &mut UiState) {
     let per_point = ui.ctx().pixels_per_point();
     let width = (ui.available_width().max(40.0) * per_point).floor();
     let size = Vec2::new(width, (width / aspect).round()) / per_point;
-    let (rect, response) = ui.allocate_exact_size(size, Sense::hover());
+    let legend = picture_legend::height(ui.painter(), size.x, preview.kind);
+    let (rect, response) = ui.allocate_exact_size(size + Vec2::new(0.0, legend), Sense::hover());
+    let below = rect.with_min_y(rect.bottom() - legend);
     let words = picture_legend::words(preview.kind);
     if !words.is_empty() {
         response.widget_info(|| egui::WidgetInfo::labeled(egui::Role::Image, true, &words));
@@ -328,7 +330,7 @@ fn picture(ui: &mut Ui, (preview, aspect): (&Preview, f32), shown: &ViewModel<'_
         state.pictures.push(PictureRequest { slot, view, kind: preview.kind });
     }
     super::paint_picture(ui, rect, shown, slot);
-    picture_legend::paint(&ui.painter_at(rect), rect, preview.kind);
+    picture_legend::paint(&ui.painter_at(below), below, preview.kind);
 }
 
 /// Width of the list of cameras and kinds, so that nothing below moves, points.

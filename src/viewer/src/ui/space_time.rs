@@ -16,8 +16,10 @@ const BEHIND_M: f64 = 90.0;
 const AHEAD_M: f64 = 60.0;
 /// Room behind the present for the names of the lines, seconds of the axis.
 const NAMES_S: f64 = 17.0;
-/// Names less than this apart would touch, as a share of the height of the diagram.
-const NAMES_APART: f64 = 0.06;
+/// Names less than this apart would touch, points.
+const NAMES_APART: f64 = 14.0;
+/// What the axis below the diagram takes of its height, points.
+const AXIS: f64 = 34.0;
 /// Names of the axes.
 const TIME_AXIS: &str = "Time before now [s]";
 const CITY_AXIS: &str = "Position from its front [m, full scale]";
@@ -38,6 +40,8 @@ pub(super) fn show(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>) {
         return;
     };
     let factor = measures.scale().factor();
+    // The list scrolls, so that its own room has no end.
+    let height = (ui.clip_rect().bottom() - ui.cursor().top()).clamp(160.0, 400.0);
     let diagram = SpaceTime {
         shown,
         selected,
@@ -45,6 +49,7 @@ pub(super) fn show(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>) {
         origin_s: station.front_s,
         factor,
         now_s: shown.traffic.measured().until_s(),
+        apart_m: NAMES_APART * (BEHIND_M + AHEAD_M) / (f64::from(height) - AXIS),
     };
     let title = format!("Space-time diagram: the way of {}", named(shown.names, selected));
     let tip =
@@ -59,7 +64,8 @@ pub(super) fn show(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>) {
     });
     let bands = bands(route, &diagram);
     keys(ui, &bands);
-    plot(ui, state.preferences.units.figure_scale(), factor).show(ui, |plot| diagram.draw(plot, &bands));
+    plot(ui, height, state.preferences.units.figure_scale(), factor)
+        .show(ui, |plot| diagram.draw(plot, &bands));
 }
 
 /// A stretch of the route that is in a conflict zone, metres ahead.
@@ -114,7 +120,7 @@ fn keys(ui: &mut Ui, bands: &[Band]) {
 }
 
 /// The axes, named as those of the figures of `city3d plot` and in the metres of the settings; `factor` is that of the scale.
-fn plot(ui: &Ui, scale: FigureScale, factor: f64) -> Plot<'static> {
+fn plot(ui: &Ui, height: f32, scale: FigureScale, factor: f64) -> Plot<'static> {
     let small = |text: &str| RichText::new(text).size(theme::SMALL);
     let time =
         theme::small_axis(ui, AxisHints::new_x()).min_thickness(14.0).formatter(|mark, _| match mark.value {
@@ -130,8 +136,6 @@ fn plot(ui: &Ui, scale: FigureScale, factor: f64) -> Plot<'static> {
     let decimal = theme::decimal(ui.ctx());
     let value = theme::value_axis(ui).formatter(move |mark, _| decimal.plain(mark.value * per_city_m));
     let value = value.label(small(label));
-    // The list scrolls, so that its own room has no end.
-    let height = (ui.clip_rect().bottom() - ui.cursor().top()).clamp(160.0, 400.0);
     Plot::new("space-time")
         .height(height)
         .width(ui.clip_rect().right() - ui.cursor().left())
@@ -159,6 +163,8 @@ struct SpaceTime<'a, 'v> {
     /// City metres per laboratory metre.
     factor: f64,
     now_s: f64,
+    /// Names nearer to one another would touch, metres of the axis.
+    apart_m: f64,
 }
 
 impl SpaceTime<'_, '_> {
@@ -192,10 +198,9 @@ impl SpaceTime<'_, '_> {
     /// The vehicles whose names find room beside the ends of their lines: the selected one, then from the front.
     fn named(&self, mut ends: Vec<(VehicleId, f64)>) -> Vec<(VehicleId, f64)> {
         ends.sort_by(|a, b| (b.0 == self.selected).cmp(&(a.0 == self.selected)).then(b.1.total_cmp(&a.1)));
-        let apart_m = NAMES_APART * (BEHIND_M + AHEAD_M);
         let mut named: Vec<(VehicleId, f64)> = Vec::new();
         for end in ends {
-            if named.iter().all(|(_, m)| (m - end.1).abs() >= apart_m) {
+            if named.iter().all(|(_, m)| (m - end.1).abs() >= self.apart_m) {
                 named.push(end);
             }
         }

@@ -126,6 +126,8 @@ const STEEPEST_RAD: f64 = FRAC_PI_2 - 0.02;
 const ROOF_M: f32 = 2.0;
 /// The camera rises before the followed vehicle is hidden, seconds.
 const FORESIGHT_S: f64 = 0.7;
+/// Largest distance of what is zoomed at from the middle of the view, in distances of the camera.
+const MOST_OFF: f64 = 2.0;
 /// Rotation per point of mouse motion.
 const RAD_PER_POINT: f64 = 0.006;
 
@@ -484,6 +486,20 @@ impl Viewpoint {
                     goal.distance_m = self.distance_m;
                 }
             }
+        }
+    }
+
+    /// The same towards or away from a point of the ground, which stays at its place of the picture; a camera that follows a
+    /// vehicle or looks from its place keeps to its own middle.
+    pub fn zoom_at(&mut self, steps: f64, point: Option<DVec2>) {
+        let before_m = self.distance_m;
+        self.zoom(steps);
+        let has_middle =
+            matches!(self.mode, CameraMode::Orbit | CameraMode::Overhead) && self.follow.is_none();
+        if let Some(point) = point.filter(|_| has_middle && self.goal.is_none()) {
+            // Of a point near the horizon only the direction matters: the view would leap.
+            let off = (point - self.target.truncate()).clamp_length_max(MOST_OFF * before_m);
+            self.target += (off * (1.0 - self.distance_m / before_m)).extend(0.0);
         }
     }
 

@@ -39,7 +39,7 @@ pub fn show(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>, index: usiz
     let rect = ui.available_rect_before_wrap().round_to_pixels(pixels_per_point);
     let response = ui.allocate_rect(rect, Sense::click_and_drag());
     let camera = &mut state.views.cameras[index];
-    city::move_camera(ui, &response, camera);
+    city::move_camera(ui, &response, camera, shown.interpolated);
     camera.update(shown.interpolated);
     camera.begin(shown.interpolated, shown.map, shown.control_zones);
     let moves = shown.run_state.phase == RunPhase::Running || response.dragged();

@@ -22,7 +22,8 @@ pub(super) struct VideoRecorder {
     request: VideoRequest,
     file: PathBuf,
     extent: [u32; 2],
-    begun: Instant,
+    /// When the first picture came: a video does not begin before it.
+    begun: Option<Instant>,
     /// Simulated time of the last picture of a time-lapse.
     last_s: Option<f64>,
     /// Place of the last picture in the file.
@@ -37,12 +38,7 @@ impl VideoRecorder {
     ///
     /// # Errors
     /// In words, where it cannot be begun: without ffmpeg, or where the file cannot be written.
-    pub(super) fn begin(
-        request: VideoRequest,
-        file: &Path,
-        extent: [u32; 2],
-        now: Instant,
-    ) -> Result<Self, String> {
+    pub(super) fn begin(request: VideoRequest, file: &Path, extent: [u32; 2]) -> Result<Self, String> {
         // Chroma is stored for two by two pixels.
         let extent = extent.map(|pixels| (pixels & !1).max(2));
         let output = match file.extension() {
@@ -65,7 +61,7 @@ impl VideoRecorder {
             request,
             file: file.to_owned(),
             extent,
-            begun: now,
+            begun: None,
             last_s: None,
             last: None,
             pictures: Some(sender),
@@ -84,7 +80,8 @@ impl VideoRecorder {
     fn next(&self, now: Instant, simulated_s: f64) -> Option<u64> {
         match self.request.kind {
             VideoKind::AsSeen => {
-                let place = (now.saturating_duration_since(self.begun).as_secs_f64() * RATE as f64) as u64;
+                let since = self.begun.map_or(Duration::ZERO, |begun| now.saturating_duration_since(begun));
+                let place = (since.as_secs_f64() * RATE as f64) as u64;
                 self.last.is_none_or(|last| place > last).then_some(place)
             }
             VideoKind::TimeLapse { every_s } => {
@@ -112,7 +109,10 @@ impl VideoRecorder {
         let Some(place) = self.next(now, simulated_s) else { return };
         let Some(pictures) = &self.pictures else { return };
         match pictures.try_send((place, image)) {
-            Ok(()) => (self.last, self.last_s) = (Some(place), Some(simulated_s)),
+            Ok(()) => {
+                self.begun = self.begun.or(Some(now));
+                (self.last, self.last_s) = (Some(place), Some(simulated_s));
+            }
             // The encoder is slower than the window: the next picture may find room.
             Err(TrySendError::Full(_) | TrySendError::Disconnected(_)) => {}
         }
@@ -205,7 +205,7 @@ impl WindowVideos {
             self.finish(recorder);
             return;
         }
-        match VideoRecorder::begin(request, file, extent, Instant::now()) {
+        match VideoRecorder::begin(request, file, extent) {
             Ok(recorder) => self.recorder = Some(recorder),
             Err(why) => keep(&self.outcomes, Err(why)),
         }
@@ -307,8 +307,9 @@ mod tests {
     fn each_picture_is_seen_for_as_long_as_the_window_showed_it() {
         let folder = tempfile::tempdir().unwrap();
         let file = folder.path().join("seen.y4m");
-        let begun = Instant::now();
-        let mut recorder = VideoRecorder::begin(window(VideoKind::AsSeen), &file, [33, 20], begun).unwrap();
+        let mut recorder = VideoRecorder::begin(window(VideoKind::AsSeen), &file, [33, 20]).unwrap();
+        // The first picture comes late, and the video begins with it.
+        let begun = Instant::now() + Duration::from_millis(300);
         // At 25 pictures a second: three places, then a pause of seven, then one.
         for (ms, grey) in [(0, 16), (10, 255), (40, 60), (80, 120), (400, 200)] {
             let now = begun + Duration::from_millis(ms);
@@ -333,7 +334,7 @@ mod tests {
         let file = folder.path().join("lapse.y4m");
         let kind = VideoKind::TimeLapse { every_s: 2.0 };
         let now = Instant::now();
-        let mut recorder = VideoRecorder::begin(window(kind), &file, [8, 8], now).unwrap();
+        let mut recorder = VideoRecorder::begin(window(kind), &file, [8, 8]).unwrap();
         for k in 0..100 {
             let simulated_s = f64::from(k) * 0.1;
             if recorder.wants(now, simulated_s) {
@@ -351,7 +352,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let file = folder.path().join("sizes.y4m");
         let begun = Instant::now();
-        let mut recorder = VideoRecorder::begin(window(VideoKind::AsSeen), &file, [16, 16], begun).unwrap();
+        let mut recorder = VideoRecorder::begin(window(VideoKind::AsSeen), &file, [16, 16]).unwrap();
         for (k, size) in [[16, 16], [40, 6], [6, 40]].into_iter().enumerate() {
             let now = begun + Duration::from_millis(40 * k as u64);
             recorder.add(picture(200, size), now, 0.0);

@@ -27,9 +27,16 @@ registry!(
         c.state.viewpoint.frame_all(c.shown.interpolated);
     })
     .known_as("zoom fit overview reset camera"),
+    ZOOM_IN = Command::always("Zoom in", &[], |c| c.state.viewpoint.zoom(ZOOM_STEPS))
+        .known_as("camera closer nearer"),
+    ZOOM_OUT = Command::always("Zoom out", &[], |c| c.state.viewpoint.zoom(-ZOOM_STEPS))
+        .known_as("camera farther away"),
     FRAME_CITY = Command::always("Frame the whole city", &[], |c| c.state.viewpoint.frame_city(c.shown.map))
         .known_as("zoom fit overview"),
 );
+
+/// Steps of the mouse wheel that an action zooms by.
+const ZOOM_STEPS: f64 = 3.0;
 
 fn look(context: &mut CommandContext<'_, '_>, mode: CameraMode) {
     context.state.look_by(mode, (context.shown.interpolated, context.now_s));
@@ -73,5 +80,5 @@ pub static HELD: &[&Binding] = &[
 pub const GESTURES: &[(&str, &str)] = &[
     ("drag", "Turn the view; chase turns around its vehicle, onboard in its place"),
     ("right-drag or Shift+drag", "Move the view"),
-    ("wheel", "Zoom"),
+    ("wheel", "Zoom to the place under the mouse"),
 ];

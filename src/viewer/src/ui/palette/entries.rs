@@ -89,7 +89,7 @@ impl Entry {
 /// The rows that have all words, the best match first; where none has all, those that have most. Without words the actions alone:
 /// vehicles may be many.
 pub(super) fn matching(words: &str, state: &UiState, shown: &ViewModel<'_>) -> Vec<Entry> {
-    let words = words.trim().to_lowercase();
+    let words = meaning(words);
     let action =
         |command: &'static Command| Entry::action(command, command.availability(state, shown), &state.keys);
     let actions = commands::all().map(action);
@@ -110,6 +110,14 @@ pub(super) fn matching(words: &str, state: &UiState, shown: &ViewModel<'_>) -> V
         .collect();
     found.sort_by_cached_key(|entry| (entry.rank(&words), entry.availability != Availability::Now));
     found
+}
+
+/// What is typed, in lower case and without the words of a question, unless it is made of these alone.
+fn meaning(typed: &str) -> String {
+    let typed = typed.trim().trim_end_matches('?').to_lowercase();
+    let kept: Vec<&str> =
+        typed.split_whitespace().filter(|word| !synonyms::OF_QUESTIONS.contains(word)).collect();
+    if kept.is_empty() { typed } else { kept.join(" ") }
 }
 
 /// Every vehicle, speed and shipped scenario.
@@ -154,7 +162,14 @@ fn rank(name: &str, words: &str) -> u8 {
 
 #[cfg(test)]
 mod tests {
-    use super::rank;
+    use super::{meaning, rank};
+
+    #[test]
+    fn a_question_is_asked_by_its_other_words() {
+        assert_eq!(meaning(" Where is my video?"), "video");
+        assert_eq!(meaning("how do I zoom out"), "zoom out");
+        assert_eq!(meaning("Where is"), "where is", "nothing else is asked for");
+    }
 
     #[test]
     fn beginnings_of_words_come_before_what_lies_within_them() {

@@ -1,7 +1,7 @@
 //! Words that users of other programs type, and those that actions of this one are called by.
 
 /// What is typed, and what its action has in its name or among its other words.
-const SYNONYMS: [(&str, &str); 74] = [
+const SYNONYMS: [(&str, &str); 76] = [
     ("accident", "collision"),
     ("agent", "vehicle"),
     ("autopilot", "release"),
@@ -29,6 +29,7 @@ const SYNONYMS: [(&str, &str); 74] = [
     ("ego", "selected vehicle"),
     ("excel", "csv"),
     ("explain", "inspector"),
+    ("find", "select"),
     ("folder", "file"),
     ("folder", "recorded runs"),
     ("font", "interface"),
@@ -44,6 +45,7 @@ const SYNONYMS: [(&str, &str); 74] = [
     ("kmh", "km/h"),
     ("kph", "km/h"),
     ("latency", "environment"),
+    ("locate", "select"),
     ("log", "recorded runs"),
     ("metric", "traffic"),
     ("minimap", "map"),
@@ -76,6 +78,12 @@ const SYNONYMS: [(&str, &str); 74] = [
     ("visibility", "weather"),
     ("wheel", "gamepad"),
     ("why", "inspector"),
+];
+
+/// Words of questions, which say nothing of what is asked for.
+pub(super) const OF_QUESTIONS: [&str; 18] = [
+    "where", "is", "are", "my", "the", "a", "an", "how", "to", "do", "does", "i", "can", "what", "of", "it",
+    "me", "want",
 ];
 
 /// Shorter beginnings of words would mean too much.

@@ -106,7 +106,8 @@ pub(super) fn window(ui: &Ui, state: &mut UiState, shown: &ViewModel<'_>, action
         ui.add_space(4.0);
         // Beyond the end the numbers of the zones are no longer those of the result.
         let zones = is_over.then(|| shown.traffic.measures());
-        results(ui, (&measures, &outcome.traffic), (&mean_speed, decimal), zones);
+        let standstills = outcome.vehicles.values().map(|vehicle| vehicle.stops).sum();
+        results(ui, (&measures, &outcome.traffic, standstills), (&mean_speed, decimal), zones);
         if run_state.now.vehicles.iter().any(|vehicle| vehicle.status == Status::Collided) {
             ui.label("Vehicles that have collided stay where they are: a new run puts all of them back.");
         }
@@ -140,10 +141,14 @@ pub(super) fn window(ui: &Ui, state: &mut UiState, shown: &ViewModel<'_>, action
     }
 }
 
+/// How often vehicles stood, as the events count it.
+const STANDSTILLS: &str = "Standstills (< 0.1 m/s)";
+
 /// What a measure is, in the words of the panel Traffic.
 fn tip_of(name: &str) -> Option<&'static str> {
     match name {
         traffic::SLOW_STOPS => Some(traffic::STOPS),
+        STANDSTILLS => Some("How often vehicles stood: the events \"standstill\""),
         "Throughput" => Some(traffic::FLOW),
         "Mean delay" => Some(traffic::DELAY),
         _ => None,
@@ -152,7 +157,7 @@ fn tip_of(name: &str) -> Option<&'static str> {
 
 fn results(
     ui: &mut Ui,
-    (measures, report): (&RunMeasures, &TrafficReport),
+    (measures, report, standstills): (&RunMeasures, &TrafficReport, u32),
     (mean_speed, decimal): (&str, DecimalSeparator),
     traffic: Option<&TrafficMeasures>,
 ) {
@@ -172,6 +177,7 @@ fn results(
         };
         row("Collisions", measures.collisions.to_string(), measures.collisions > 0);
         row(traffic::SLOW_STOPS, measures.stops().to_string(), false);
+        row(STANDSTILLS, standstills.to_string(), false);
         row("Mean speed", mean_speed.to_owned(), false);
         let number = |value: Option<f64>, digits: usize, unit: &str| {
             value.map_or_else(|| "-".to_owned(), |value| format!("{} {unit}", decimal.fixed(value, digits)))

@@ -289,6 +289,30 @@ fn dragging_takes_the_ground_along_and_zooming_brings_it_nearer() {
     }
 }
 
+#[test]
+fn the_wheel_zooms_to_the_ground_under_the_mouse() {
+    let seen = snapshot(10.0);
+    for mode in [CameraMode::Orbit, CameraMode::Overhead] {
+        let mut viewpoint = Viewpoint::around(&seen);
+        viewpoint.set_mode(mode, None);
+        let point = viewpoint.target.truncate() + DVec2::new(12.0, -9.0);
+        let at =
+            |viewpoint: &Viewpoint| viewpoint.view(&seen, [800, 600]).project(point.extend(0.0)).unwrap();
+        let (before, middle) = (at(&viewpoint), viewpoint.target);
+        viewpoint.zoom_at(3.0, Some(point));
+        let moved = at(&viewpoint).distance(before);
+        assert!(moved < 4.0 && viewpoint.target.distance(middle) > 3.0, "{mode:?}: {moved}");
+        viewpoint.zoom_at(-3.0, Some(point));
+        assert!(viewpoint.target.distance(middle) < 1e-9, "{mode:?}: the way back");
+        // Sky, or a camera that keeps a vehicle in its middle.
+        viewpoint.zoom_at(2.0, None);
+        assert!(viewpoint.target.distance(middle) < 1e-9, "{mode:?}");
+        viewpoint.follow = Some(seen.vehicles[0].id);
+        viewpoint.zoom_at(2.0, Some(point));
+        assert!(viewpoint.target.distance(middle) < 1e-9, "{mode:?}");
+    }
+}
+
 /// Cars all over a city, most of them in its north-east.
 fn scattered() -> FrameSnapshot {
     let mut seen = snapshot(0.0);
