@@ -60,8 +60,9 @@ fn a_preview_shows_depth_classes_and_instances() {
         ("instances", PictureKind::Instance),
     ] {
         let below = harness.get_by_label("Gas 0.00").rect();
-        assert!(below_at.is_none_or(|before| before == below), "a longer name moves nothing");
-        below_at = Some(below);
+        assert!(below_at.is_none_or(|before| before == below.left()), "a longer name moves nothing");
+        below_at = Some(below.left());
+
         harness.get_by_value(&shown).click();
         harness.run_steps(4);
         harness.get_by_label(name).click();
@@ -73,7 +74,11 @@ fn a_preview_shows_depth_classes_and_instances() {
             PictureKind::Semantic => "building, wall, vegetation",
             _ => "each vehicle has a colour of its own",
         };
-        assert!(harness.query_by_label_contains(words).is_some(), "a legend tells {name}");
+        let with_legend = harness.query_by_label_contains(words).expect("a legend").rect();
+        let picture = picture(&harness, PictureSlot::Preview(VehicleId(1))).view.extent;
+        let picture_height = with_legend.width() * picture[1] as f32 / picture[0] as f32;
+        assert!(with_legend.height() > picture_height + 12.0, "the legend of {name} is below the picture");
+        assert!(with_legend.bottom() <= harness.get_by_label("Gas 0.00").rect().top(), "{name}");
     }
     assert_eq!(picture(&harness, PictureSlot::City).kind, PictureKind::Rgb);
 }

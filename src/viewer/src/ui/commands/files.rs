@@ -45,12 +45,12 @@ registry!(
     })
     .known_as("summary results outcome report statistics end card finished seed")
     .only(has_result),
-    FOLDER = Command::always("Show where log, videos and screenshots of the run are", &[], |c| {
+    FOLDER = Command::always("Show where the files of the run are", &[], |c| {
         if let Some(folder) = &c.shown.run_state.folder {
             c.state.say(format!("Folder of the run: {}", folder.display()), c.now_s);
         }
     })
-    .known_as("folder file directory path location saved recorded pictures charts csv")
+    .known_as("folder directory path location saved recorded log videos charts csv")
     .only(has_log),
     REPLAY = Command::always("Replay the run from its log", &[], |c| c.actions.push(UiAction::Replay))
         .known_as("playback recording watch again")

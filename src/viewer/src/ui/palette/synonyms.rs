@@ -81,9 +81,9 @@ const SYNONYMS: [(&str, &str); 76] = [
 ];
 
 /// Words of questions, which say nothing of what is asked for.
-pub(super) const OF_QUESTIONS: [&str; 18] = [
-    "where", "is", "are", "my", "the", "a", "an", "how", "to", "do", "does", "i", "can", "what", "of", "it",
-    "me", "want",
+pub(super) const OF_QUESTIONS: [&str; 17] = [
+    "is", "are", "my", "the", "a", "an", "how", "to", "do", "does", "i", "can", "what", "of", "it", "me",
+    "want",
 ];
 
 /// Shorter beginnings of words would mean too much.
