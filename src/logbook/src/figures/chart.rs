@@ -75,6 +75,15 @@ pub struct ChartLine {
     pub stroke: LineStyle,
 }
 
+/// The name of a line whose colour means something else, at its end. Windows draw it; figures of files leave it out.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LineName {
+    /// End of the line, in the units of the panel's axes.
+    pub at: (f64, f64),
+    /// Number and name of the vehicle.
+    pub name: String,
+}
+
 /// A labelled reference line across a panel.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ReferenceLine {
@@ -105,6 +114,8 @@ pub struct Panel {
     pub y: (f64, f64),
     /// Data lines, drawn in this order over cells and reference lines.
     pub lines: Vec<ChartLine>,
+    /// Names of lines that the legend does not tell.
+    pub names: Vec<LineName>,
     /// Reference lines; those outside the axes are not drawn.
     pub rules: Vec<ReferenceLine>,
     /// Heat map cells, under the lines.
@@ -124,6 +135,7 @@ impl Default for Panel {
             x: (0.0, 0.0),
             y: (0.0, 0.0),
             lines: Vec::new(),
+            names: Vec::new(),
             rules: Vec::new(),
             cells: Vec::new(),
             marks: [None, None],

@@ -1,6 +1,6 @@
 //! Figures of paths: speed against position, and positions against time.
 
-use super::chart::{BLACK, ChartLine, ColourBar, Dash, Figure, LegendEntry, LineStyle, Panel};
+use super::chart::{BLACK, ChartLine, ColourBar, Dash, Figure, LegendEntry, LineName, LineStyle, Panel};
 use super::paths::{GiveWayKind, GiveWayLine};
 use super::series::{AVERAGED_S, by_speed, median_speeds};
 use super::style::tint;
@@ -142,6 +142,8 @@ impl FigureSet<'_> {
                 panel.lines.extend(self.signal_bars(run, stream));
                 for segment in self.segments(run, stream) {
                     panel.lines.extend(by_speed(segment.trace, &segment.points, fastest));
+                    let end = panel.lines.last().and_then(|line| line.points.last()).copied();
+                    panel.names.extend(end.map(|at| LineName { at, name: self.name(segment.trace.id) }));
                     figure.table.rows.extend(segment.rows(&self.labels[run], &path));
                 }
                 figure.panels.push(panel);

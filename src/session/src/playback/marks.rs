@@ -105,7 +105,7 @@ impl Occurrence {
             EventKind::Spawn => "spawn".to_owned(),
             EventKind::Moved { behind, by_m } => format!("moved {by_m:.1} m behind {behind}"),
             EventKind::Stop => "standstill".to_owned(),
-            EventKind::Go { stood_s } => format!("go after {stood_s:.1} s"),
+            EventKind::Go { stood_s } => format!("go, stood for {stood_s:.1} s"),
             EventKind::Yield => "yield".to_owned(),
             EventKind::Merge => "merge".to_owned(),
             EventKind::Collision { with } => format!("collision with {with}"),
@@ -273,7 +273,10 @@ mod tests {
         };
         let collision = of(EventKind::Collision { with: VehicleId(7) });
         assert_eq!(collision, Some(("collision with 7".to_owned(), MarkKind::Collision)));
-        assert_eq!(of(EventKind::Go { stood_s: 2.24 }), Some(("go after 2.2 s".to_owned(), MarkKind::Usual)));
+        assert_eq!(
+            of(EventKind::Go { stood_s: 2.24 }),
+            Some(("go, stood for 2.2 s".to_owned(), MarkKind::Usual))
+        );
         assert_eq!(of(EventKind::LinkBack), Some(("link back".to_owned(), MarkKind::Link)));
     }
 

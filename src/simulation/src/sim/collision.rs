@@ -166,6 +166,11 @@ impl Collisions {
         }
     }
 
+    /// Whether a vehicle touches another one or a solid, or has not been clear of it since.
+    pub fn hold(&self, id: VehicleId) -> bool {
+        self.touching_solid.contains(&id) || self.touching.iter().any(|(a, b)| *a == id || *b == id)
+    }
+
     fn sweep(&mut self) {
         let outlines = &self.outlines;
         let west = |index: usize| outlines[index].centre.x - outlines[index].radius();

@@ -11,7 +11,7 @@ use city3d_dynamics::physics::{Impetus, Physics};
 use city3d_geometry::OrientedRect;
 use city3d_geometry::digest::{Digest, StateHash};
 use city3d_protocol::snapshot::{
-    Aspect, Event, EventKind, FrameSnapshot, Setup, SignalAspects, SimCommand, Trajectory, VehicleId,
+    Aspect, Event, EventKind, FrameSnapshot, Pedals, Setup, SignalAspects, SimCommand, Trajectory, VehicleId,
     VehicleInfo, VehicleState,
 };
 use collision::{Collisions, StaticObstacles};
@@ -258,17 +258,16 @@ impl World {
                     vehicle.follow(trajectory, time_s, timeout_s);
                 }
             }
-            SimCommand::Drive(id, pedals) => {
-                if let Some(vehicle) = self.vehicle_mut(*id) {
-                    vehicle.drive(Some(*pedals));
-                }
-            }
-            SimCommand::Release(id) => {
-                if let Some(vehicle) = self.vehicle_mut(*id) {
-                    vehicle.drive(None);
-                }
-            }
+            SimCommand::Drive(id, pedals) => self.drive(*id, Some(*pedals)),
+            SimCommand::Release(id) => self.drive(*id, None),
             SimCommand::Signals(aspects) => self.state.signals.show(aspects),
+        }
+    }
+
+    fn drive(&mut self, id: VehicleId, pedals: Option<Pedals>) {
+        let (vehicles, contacts) = (&mut self.state.vehicles, &self.state.collisions);
+        if let Ok(index) = vehicles.binary_search_by_key(&id, |vehicle| vehicle.state.id) {
+            vehicles[index].drive(pedals, contacts);
         }
     }
 
@@ -293,7 +292,7 @@ impl World {
         let workers = &self.experiment.workers;
         let before_s = self.time_s();
         let (state, parts) = (&mut self.state, &mut self.parts);
-        let (physics, vehicles) = (&mut state.physics, &mut state.vehicles);
+        let (physics, vehicles, contacts) = (&mut state.physics, &mut state.vehicles, &state.collisions);
         parts.resize_with(vehicles.len(), VehicleStep::default);
         workers.each_of_two((vehicles, parts), |_, vehicle, part| {
             part.impetus = vehicle.actuate(physics, before_s, dt_s, link_timeout_s, &mut part.events);
@@ -308,7 +307,7 @@ impl World {
         state.tick += 1;
         let time_s = self.experiment.rates.time_s(state.tick);
         workers.each_of_two((vehicles, parts), |_, vehicle, part| {
-            vehicle.read_back(physics, time_s, dt_s, &mut part.events);
+            vehicle.read_back(physics, (time_s, dt_s), contacts, &mut part.events);
         });
         parts.iter_mut().for_each(|part| events.append(&mut part.events));
         let first = events.len();

@@ -1,5 +1,6 @@
 //! One vehicle of the world: dynamics, tracking control and state.
 
+use super::collision::Collisions;
 use crate::scenario::Experiment;
 use city3d_dynamics::physics::{BodyId, Impetus, Physics};
 use city3d_dynamics::vehicle::{Actuation, Dynamics, Motion, Tracker, VehicleModel, VehicleSpec};
@@ -165,16 +166,17 @@ impl SimVehicle {
 
     /// Starts in manual mode with released pedals.
     pub fn start_manual(&mut self) {
-        self.drive(Some(Pedals::default()));
+        self.drive(Some(Pedals::default()), &Collisions::default());
         self.update_status();
     }
 
-    /// Switches to manual mode or back. A person may continue after a collision.
-    pub fn drive(&mut self, pedals: Option<Pedals>) {
+    /// Switches to manual mode or back. A person may continue after a collision; who still touches something has collided until
+    /// it is clear.
+    pub fn drive(&mut self, pedals: Option<Pedals>, contacts: &Collisions) {
         let was_human = matches!(self.driver, DriveMode::Human(_));
         match pedals {
             Some(pedals) => {
-                self.has_collided &= was_human;
+                self.has_collided &= was_human || contacts.hold(self.state.id);
                 self.driver = DriveMode::Human(pedals);
             }
             // The tracked path is where the person took over.
@@ -251,7 +253,13 @@ impl SimVehicle {
     }
 
     /// After the physics step.
-    pub fn read_back(&mut self, physics: &Physics, time_s: f64, dt_s: f64, events: &mut Vec<Event>) {
+    pub fn read_back(
+        &mut self,
+        physics: &Physics,
+        (time_s, dt_s): (f64, f64),
+        contacts: &Collisions,
+        events: &mut Vec<Event>,
+    ) {
         let before = self.state.status;
         self.motion = self.dynamics.read_back(physics, &self.spec, dt_s);
         self.state.distance_m = match &self.dynamics {
@@ -259,7 +267,8 @@ impl SimVehicle {
             _ => self.state.distance_m + self.motion.speed_mps.abs() * dt_s,
         };
         let is_clear = self.state.distance_m - self.collided_at_m > CLEAR_AFTER_M;
-        if is_clear && (matches!(self.driver, DriveMode::Human(_)) || self.is_physical()) {
+        let may_go_on = matches!(self.driver, DriveMode::Human(_)) || self.is_physical();
+        if self.has_collided && is_clear && may_go_on && !contacts.hold(self.state.id) {
             self.has_collided = false;
         }
         self.describe();

@@ -369,7 +369,10 @@ fn plot(
     let decimal = theme::decimal(ui.ctx());
     let number = move |mark: GridMark, _: &std::ops::RangeInclusive<f64>| tick(mark, decimal);
     let axis = |hints: AxisHints<'static>| theme::small_axis(ui, hints);
-    let near = hover_words([&panel.x_label, &panel.y_label], decimal);
+    // Of panels that share an axis the lowest names it.
+    let x_label = figure.panels.iter().map(|panel| panel.x_label.as_str()).rfind(|label| !label.is_empty());
+    let x_label = x_label.unwrap_or_default();
+    let near = hover_words([x_label, &panel.y_label], decimal);
     // Those over time are told for all lines at once, wherever the mouse is.
     let tells_all = at_s.is_some() && !figure.legend.is_empty();
     let plot = Plot::new(("chart", index))
@@ -422,6 +425,12 @@ fn plot(
                 plot.line(Line::new(name, points).color(colour).width(1.5).style(style_of(line.stroke.dash)));
             }
         }
+        for end in &panel.names {
+            let is_right = end.at.0 > (panel.x.0 + panel.x.1) / 2.0;
+            let anchor = if is_right { egui::Align2::RIGHT_BOTTOM } else { egui::Align2::LEFT_BOTTOM };
+            let words = RichText::new(&end.name).size(theme::SMALL);
+            plot.text(Text::new("", PlotPoint::new(end.at.0, end.at.1), words).anchor(anchor).color(text));
+        }
         if let Some(at_s) = at_s {
             plot.vline(VLine::new("shown time", at_s).color(grey).width(1.0));
         }
@@ -432,7 +441,7 @@ fn plot(
     let values = pointed.map_or_else(Vec::new, |time_s| values_at(&figure.legend, panel, time_s));
     shown.response.on_hover_ui_at_pointer(|ui| {
         if let Some(time_s) = pointed.filter(|_| !values.is_empty()) {
-            ui.label(at_words([&panel.x_label, &panel.y_label], (time_s, &values), decimal));
+            ui.label(at_words([x_label, &panel.y_label], (time_s, &values), decimal));
         }
         ui.label("Click to go to that time");
     });

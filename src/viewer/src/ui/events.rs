@@ -3,8 +3,8 @@
 use super::commands::{GRAVE_EVENT, KeyMap};
 use super::timeline::{self, JUST_PASSED_S, TimelineView};
 use super::{DecimalSeparator, UiAction, UiState, VehicleNames, ViewModel, commands, theme};
-use city3d_protocol::snapshot::{Status, VehicleId, VehicleInfo};
-use city3d_session::playback::{MarkKind, PlaybackCommand, TimelineMark};
+use city3d_protocol::snapshot::{EventKind, Status, VehicleId, VehicleInfo};
+use city3d_session::playback::{MarkKind, Occurrence, PlaybackCommand, TimelineMark};
 use egui::{Align, Button, Color32, Layout, RichText, Sense, Ui, Vec2};
 use egui_extras::{Column, TableBuilder};
 
@@ -311,6 +311,9 @@ fn nothing(shown: &ViewModel<'_>) -> &'static str {
 }
 
 /// Shows the rows; returns the one that was clicked.
+/// Why the times of a standstill and of its end are farther apart than it stood.
+const GO: &str = "Show where and when it happened: it is told once the vehicle has left the place, and counts as standing until it moves";
+
 fn list(
     ui: &mut Ui,
     marks: &[TimelineMark],
@@ -352,7 +355,11 @@ fn list(
                     _ = ui.label(RichText::new(mark.what.label()).color(colour(ui.ctx(), mark.what.kind())));
                 });
                 line.col(|ui| _ = ui.label(named(shown.names, mark.vehicle)));
-                if line.response().on_hover_text("Show where and when it happened").clicked() {
+                let tip = match mark.what {
+                    Occurrence::Event(EventKind::Go { .. }) => GO,
+                    _ => "Show where and when it happened",
+                };
+                if line.response().on_hover_text(tip).clicked() {
                     clicked = Some(mark.clone());
                 }
             });

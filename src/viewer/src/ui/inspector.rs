@@ -198,10 +198,10 @@ pub fn reason_words(shown: &ViewModel<'_>, decision: &ControlDecision) -> String
         DecisionReason::Leader => with("follows", "follows a vehicle that others control"),
         DecisionReason::Platoon => with("in a platoon behind", "in a platoon"),
         DecisionReason::RouteEnd => "end of its route".to_owned(),
-        DecisionReason::StopLine => with("at the stop line, yields to", "stops at the stop line"),
-        DecisionReason::YieldLine => with("at the yield line, yields to", "slows for the yield line"),
+        DecisionReason::StopLine => with("yields at the stop line to", "stops at the stop line"),
+        DecisionReason::YieldLine => with("yields at the yield line to", "slows for the yield line"),
         DecisionReason::Signal => "the signal is not green".to_owned(),
-        DecisionReason::Junction => with("at the junction, yields to", "slows for the junction"),
+        DecisionReason::Junction => with("yields at the junction to", "slows for the junction"),
         DecisionReason::NoRoom => with("no room behind the junction, after", "no room behind the junction"),
         DecisionReason::Crossing => with("waits for the crossing of", "waits before a crossing"),
         DecisionReason::Merging => with("yields at the merge to", "yields at a merge"),
@@ -220,7 +220,8 @@ pub fn reason_words(shown: &ViewModel<'_>, decision: &ControlDecision) -> String
     };
     let front = now.vehicle(decision.vehicle).zip(now.info(decision.vehicle)).map(front);
     let away_m = decision.place.zip(front).map(|(place, front)| place.distance(front));
-    away_m.map_or(what.clone(), |m| format!("{what} ({m:.0} m)"))
+    // Not how far the other vehicle is.
+    away_m.map_or(what.clone(), |m| format!("{what}; {m:.0} m to that place"))
 }
 
 fn motion(
@@ -313,10 +314,15 @@ fn trajectory(
         || not_told(shown).to_owned(),
         |measured| {
             let off_m = measured.position.distance(vehicle.position.truncate());
-            format!("{} cm from the true pose", decimal.fixed(off_m * 100.0, 1))
+            format!("{} cm from where it is now", decimal.fixed(off_m * 100.0, 1))
         },
     );
-    row(ui, "Measured pose", &noise, "Its last measurement, which lags and has noise");
+    row(
+        ui,
+        "Measured pose",
+        &noise,
+        "How far its last measurement is from the present pose: what it has driven since, without noise and delay too, and the noise of the environment",
+    );
 }
 
 /// In place of an error of tracking.

@@ -48,7 +48,7 @@ fn lines(state: &UiState, shown: &ViewModel<'_>) -> Vec<LegendLine> {
     let many = format!("more than {} routes: the wider, the more", overlay::ROUTES_APART);
     let has_many = layers.all_routes && overlay::has_many_routes(state.selection.vehicle, shown);
     add(has_many, overlay::MANY_ROUTES, &many);
-    add(layers.tracks, overlay::DRIVEN, "driven path, the last 20 s");
+    add(layers.tracks && shown.edit.is_none(), overlay::DRIVEN, "driven path, the last 20 s");
     add(layers.path, overlay::PLANNED, "way ahead, a dot every second");
     add(layers.gaps, overlay::GAP, "gap to the vehicle ahead");
     add(layers.gaps, overlay::CLOSE_GAP, "gap of less than 1 s");
@@ -58,6 +58,11 @@ fn lines(state: &UiState, shown: &ViewModel<'_>) -> Vec<LegendLine> {
         let text = if state.selection.vehicle.is_some() { "routes of the others" } else { "routes" };
         let mark = LegendMark::Bodies(some_bodies(shown));
         lines.push(LegendLine { mark, text: format!("{text}, in their colours") });
+    }
+    if layers.plans && super::plans::has_any(shown) {
+        let mark = LegendMark::Bodies(some_bodies(shown));
+        let text = "coordinated plan, a dot every second; bar: where conflicts begin, \"2 in 3.0 s\": when 2 is there";
+        lines.push(LegendLine { mark, text: text.to_owned() });
     }
     if layers.control_zones && !lines.is_empty() {
         for (zone, area) in shown.control_zones.iter().enumerate() {

@@ -44,6 +44,11 @@ fn way(plan: &PlannedPassage, now_s: f64) -> Vec<DVec3> {
     places(plan, now_s).map(|place| place.position).chain(end).map(overlay::above).collect()
 }
 
+/// Whether a vehicle has a plan that can be drawn.
+pub(super) fn has_any(shown: &ViewModel<'_>) -> bool {
+    !planned(shown).is_empty()
+}
+
 /// Vehicles with plans, in the order of entry.
 fn planned<'a>(shown: &'a ViewModel<'_>) -> Vec<(VehicleId, &'a PlannedPassage)> {
     let vehicles = shown.run_state.coordination.iter().flat_map(|coordination| &coordination.vehicles);

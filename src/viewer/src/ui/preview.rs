@@ -229,7 +229,8 @@ fn show(
     picture(ui, (preview, layout.aspect), shown, state);
     ui.horizontal_wrapped(|ui| {
         ui.spacing_mut().item_spacing.x = 4.0;
-        bar::cell(ui, PICKER, |ui| picker(ui, preview, shown.cameras_of(preview.vehicle)));
+        let width = (ui.available_width() - SPEED_WIDTH - DRIVE).clamp(PICKER, WIDEST_PICKER);
+        bar::cell(ui, width, |ui| picker(ui, width, preview, shown.cameras_of(preview.vehicle)));
         if shown.replay.is_none() {
             drive_button(ui, (preview.vehicle, shown), state, actions);
         }
@@ -244,10 +245,10 @@ fn show(
 }
 
 /// The list of cameras and kinds of pictures.
-fn picker(ui: &mut Ui, preview: &mut Preview, cameras: &[ScenarioCamera]) {
+fn picker(ui: &mut Ui, width: f32, preview: &mut Preview, cameras: &[ScenarioCamera]) {
     let list = ComboBox::from_id_salt("eye")
         .selected_text(preview.label(cameras))
-        .width(PICKER)
+        .width(width)
         .truncate()
         // All of it at once: a list that ends early hides kinds.
         .height(400.0);
@@ -333,8 +334,11 @@ fn picture(ui: &mut Ui, (preview, aspect): (&Preview, f32), shown: &ViewModel<'_
     picture_legend::paint(&ui.painter_at(below), below, preview.kind);
 }
 
-/// Width of the list of cameras and kinds, so that nothing below moves, points.
+/// Least and largest width of the list of cameras and kinds; its texts do not widen it, so that nothing below moves, points.
 const PICKER: f32 = 92.0;
+const WIDEST_PICKER: f32 = 170.0;
+/// Room for the button that takes and releases control, points.
+const DRIVE: f32 = 66.0;
 /// Width of the widest speed with its gear, points.
 const SPEED_WIDTH: f32 = 96.0;
 

@@ -158,7 +158,7 @@ fn is_narrow(ui: &Ui) -> bool {
 pub(super) const FLOW: &str = "Exits after the first one over the time since it, vehicles an hour; none of fewer than two after the warm-up";
 pub(super) const DELAY: &str = "Mean time lost against driving alone, with the time held outside";
 pub(super) const SLOW_STOPS: &str = "Slow stops (< 0.5 m/s)";
-pub(super) const STOPS: &str = "How often vehicles became slower than 0.5 m/s, also where they come to the end of their routes. Events \"standstill\" are those below 0.1 m/s: there may be fewer";
+pub(super) const STOPS: &str = "How often vehicles on their routes became slower than 0.5 m/s, also where these end. Whoever has left its route, as a person may, does not count. Events \"standstill\" are those below 0.1 m/s, of everybody";
 
 const COLUMNS: [(&str, &str); 10] = [
     ("", ""),

@@ -112,16 +112,16 @@ impl RunFolder {
     }
 }
 
-/// How long ago, in words.
+/// How long ago a run ended, in words: beside it is the time at which it began.
 fn age(age: Duration) -> String {
     let minutes = age.as_secs() / 60;
     let (count, unit) = match minutes {
-        0 => return "just now".to_owned(),
+        0 => return "ended just now".to_owned(),
         1..60 => (minutes, "minute"),
         60..1440 => (minutes / 60, "hour"),
         _ => (minutes / 1440, "day"),
     };
-    format!("{count} {unit}{} ago", if count == 1 { "" } else { "s" })
+    format!("ended {count} {unit}{} ago", if count == 1 { "" } else { "s" })
 }
 
 #[cfg(test)]
@@ -154,12 +154,15 @@ mod tests {
             ("grid-2x5", "2026-11-25 13:15")
         );
         assert_eq!(of.began(Duration::ZERO, Duration::from_secs(401)), "13:22", "a later run of that window");
-        assert!(runs.iter().all(|run| run.age == "2 hours ago"), "{runs:?}");
+        assert!(runs.iter().all(|run| run.age == "ended 2 hours ago"), "{runs:?}");
     }
 
     #[test]
     fn ages_are_told_in_the_largest_unit() {
         let told = [5, 61, 3599, 90_000].map(|seconds| age(Duration::from_secs(seconds)));
-        assert_eq!(told, ["just now", "1 minute ago", "59 minutes ago", "1 day ago"]);
+        assert_eq!(
+            told,
+            ["just now", "1 minute ago", "59 minutes ago", "1 day ago"].map(|ago| format!("ended {ago}"))
+        );
     }
 }

@@ -14,6 +14,8 @@ use std::time::{Duration, Instant};
 
 /// Pictures per second of the file.
 const RATE: u64 = 25;
+/// What is said until the file is complete.
+const WRITING: &str = "The video is being written; its file is named here once it is complete";
 /// Pictures that wait for the encoder at most. What finds no room is left out, and the picture before it stays longer.
 const WAITING: usize = 8;
 
@@ -196,6 +198,8 @@ pub(super) struct WindowVideos {
     recorder: Option<VideoRecorder>,
     finishing: Vec<JoinHandle<()>>,
     outcomes: Arc<Mutex<Vec<Result<FinishedVideo, String>>>>,
+    /// A recording has ended, and nobody has been told yet.
+    is_ending: bool,
 }
 
 impl WindowVideos {
@@ -212,6 +216,7 @@ impl WindowVideos {
     }
 
     fn finish(&mut self, recorder: VideoRecorder) {
+        self.is_ending = true;
         let outcomes = Arc::clone(&self.outcomes);
         let work = move || keep(&outcomes, recorder.finish());
         // Without a thread the recorder is dropped, which completes its file.
@@ -251,7 +256,9 @@ impl WindowVideos {
         if let Some(recorder) = self.recorder.take_if(|recorder| recorder.has_failed()) {
             self.finish(recorder);
         }
-        let outcome = self.outcomes.lock().unwrap_or_else(PoisonError::into_inner).pop()?;
+        let outcome = self.outcomes.lock().unwrap_or_else(PoisonError::into_inner).pop();
+        let was_ending = std::mem::take(&mut self.is_ending);
+        let Some(outcome) = outcome else { return was_ending.then(|| WRITING.to_owned()) };
         Some(outcome.map_or_else(|why| why, |video| video.words(decimal)))
     }
 

@@ -1,7 +1,7 @@
 //! Actions on panels, overlays and the window itself.
 
 use super::{Availability, Command, CommandContext, Hint, ctrl, key, registry};
-use crate::ui::{ColourBy, Panel, SettingsPage, UiAction, VideoKind, VideoRequest, preview};
+use crate::ui::{ColourBy, OpenPanels, Panel, SettingsPage, UiAction, VideoKind, VideoRequest, preview};
 use egui::Key;
 
 registry!(
@@ -11,21 +11,21 @@ registry!(
     })
     .known_as("shortcuts manual documentation"),
     VEHICLES = Command::always("Show or hide the table of vehicles", &[ctrl(Key::B)], |c| {
-        c.state.open.vehicles = !c.state.open.vehicles;
+        toggle(c, Panel::Vehicles, |open| &mut open.vehicles);
     })
     .known_as("cars list"),
     CAMERAS = Command::always("Show or hide the cameras", &[ctrl(Key::B).with_shift()], cameras)
         .known_as("previews camera pictures sensors"),
     EVENTS = Command::always("List of events", &[key(Key::F3)], |c| {
-        c.state.open.events = !c.state.open.events;
+        toggle(c, Panel::Events, |open| &mut open.events);
     })
     .known_as("collisions crashes jump history"),
     TRAFFIC = Command::always("Traffic: delay, safety, space-time diagram", &[key(Key::F4)], |c| {
-        c.state.open.traffic = !c.state.open.traffic;
+        toggle(c, Panel::Traffic, |open| &mut open.traffic);
     })
     .known_as("queue throughput flow fuel energy stops metrics statistics"),
     LAYERS = Command::always("Layers: overlays of the city", &[], |c| {
-        c.state.open.layers = !c.state.open.layers;
+        toggle(c, Panel::Layers, |open| &mut open.layers);
     })
     .known_as("labels lanes routes display"),
     SETTINGS = Command::always("Settings: theme, size, units", &[ctrl(Key::Comma)], |c| {
@@ -60,7 +60,7 @@ registry!(
     FLOAT_INSPECTOR = Command::always("Float or dock the inspector", &[], |c| float(c, Panel::Inspector)),
     INSPECTOR =
         Command::always("Inspector: why the selected vehicle does what it does", &[key(Key::I)], |c| {
-            c.state.open.inspector = !c.state.open.inspector;
+            toggle(c, Panel::Inspector, |open| &mut open.inspector);
         })
         .known_as("reason details yield slow stop wait brake stand is it"),
     LABELS = Command::always("Show or hide labels over vehicles", &[key(Key::L)], |c| {
@@ -89,7 +89,7 @@ registry!(
     })
     .known_as("coordination"),
     CHARTS = Command::always("Charts of several vehicles", &[key(Key::F6)], |c| {
-        c.state.open.charts = !c.state.open.charts;
+        toggle(c, Panel::Charts, |open| &mut open.charts);
     })
     .known_as("plot graph figure diagram speed acceleration"),
     VIDEO = Command::always("Record a video, or end it", &[key(Key::F9)], |c| {
@@ -172,6 +172,15 @@ fn video(context: &mut CommandContext<'_, '_>, kind: VideoKind) {
 fn view(context: &mut CommandContext<'_, '_>, index: usize) {
     let is_open = &mut context.state.open.views[index];
     *is_open = !*is_open;
+}
+
+/// Shows or hides a panel; one that is open behind another tab comes to the front.
+fn toggle(context: &mut CommandContext<'_, '_>, panel: Panel, of: fn(&mut OpenPanels) -> &mut bool) {
+    let state = &mut *context.state;
+    let is_open = of(&mut state.open);
+    if !(*is_open && state.layout.raise(panel)) {
+        *is_open = !*is_open;
+    }
 }
 
 fn float(context: &mut CommandContext<'_, '_>, panel: Panel) {

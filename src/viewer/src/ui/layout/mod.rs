@@ -10,7 +10,7 @@ use self::floating::FloatingPlaces;
 use super::panels::{self, Home, Panel, PanelEntry, entry};
 use super::{UiAction, UiState, ViewModel};
 use egui::{Rect, Ui, Vec2, WidgetText, vec2};
-use egui_tiles::{Behavior, SimplificationOptions, Tabs, TileId, Tiles, Tree, UiResponse};
+use egui_tiles::{Behavior, Container, SimplificationOptions, Tabs, TileId, Tiles, Tree, UiResponse};
 use std::collections::{BTreeMap, BTreeSet};
 
 /// Where the panels are. A closed panel keeps its place.
@@ -88,6 +88,17 @@ impl Layout {
         if !self.floating.remove(&panel) && panel != Panel::City {
             self.floating.insert(panel);
         }
+    }
+
+    /// Brings a docked panel to the front; returns whether it was behind another one.
+    pub fn raise(&mut self, panel: Panel) -> bool {
+        let Some(tile) = self.tree.tiles.find_pane(&panel).filter(|_| !self.is_floating(panel)) else {
+            return false;
+        };
+        let tabs = self.tree.tiles.parent_of(tile).and_then(|parent| self.tree.tiles.get_container(parent));
+        let is_behind =
+            matches!(tabs, Some(Container::Tabs(tabs)) if tabs.active.is_some_and(|active| active != tile));
+        is_behind && self.tree.make_active(|id, _| id == tile)
     }
 
     /// Brings the tiles into line with the panels that are open.

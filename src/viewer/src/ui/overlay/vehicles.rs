@@ -41,7 +41,8 @@ pub fn add(overlay: &mut Overlay, state: &UiState, shown: &ViewModel<'_>, canvas
     let (layers, selected) = (&state.layers, state.selection.vehicle);
     for (vehicle, info) in shown.interpolated.iter() {
         let is_selected = selected == Some(vehicle.id);
-        if layers.tracks {
+        // What is edited has not driven.
+        if layers.tracks && shown.edit.is_none() {
             driven(overlay, shown, vehicle, is_selected);
         }
         if layers.path && (is_selected || selected.is_none()) {

@@ -101,7 +101,8 @@ pub(super) fn window(ui: &Ui, state: &mut UiState, shown: &ViewModel<'_>, action
         ));
         let by_hand = measures.driven_by_hand();
         if !by_hand.is_empty() {
-            ui.label(format!("Driven by hand: {}", some_names(&by_hand)));
+            let off = "Off their routes they count for neither slow stops nor delay";
+            ui.label(format!("Driven by hand: {}", some_names(&by_hand))).on_hover_text(off);
         }
         ui.add_space(4.0);
         // Beyond the end the numbers of the zones are no longer those of the result.
@@ -148,7 +149,9 @@ const STANDSTILLS: &str = "Standstills (< 0.1 m/s)";
 fn tip_of(name: &str) -> Option<&'static str> {
     match name {
         traffic::SLOW_STOPS => Some(traffic::STOPS),
-        STANDSTILLS => Some("How often vehicles stood: the events \"standstill\""),
+        STANDSTILLS => {
+            Some("How often vehicles stood, on their routes or off them: the events \"standstill\"")
+        }
         "Throughput" => Some(traffic::FLOW),
         "Mean delay" => Some(traffic::DELAY),
         _ => None,

@@ -55,7 +55,7 @@ pub struct RunEntry {
     pub name: String,
     /// When it began, such as "13:15"; on another day with the date. Empty if its folder does not tell.
     pub began: String,
-    /// When it was written, such as "3 minutes ago".
+    /// When it ended, such as "ended 3 minutes ago".
     pub age: String,
     /// It has ended, and so has a summary.
     pub has_summary: bool,

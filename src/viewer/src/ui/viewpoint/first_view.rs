@@ -51,7 +51,9 @@ impl Viewpoint {
         if self.mode != CameraMode::Overhead {
             self.mode = CameraMode::Orbit;
         }
-        (self.whole, self.is_turned, self.first) = (Some(whole), true, FirstView::City);
+        let [low, high] = whole;
+        self.whole = Some([low - HOUSES_M, high + HOUSES_M]);
+        (self.is_turned, self.first) = (true, FirstView::City);
     }
 }
 
@@ -80,6 +82,8 @@ fn first_view(seen: &FrameSnapshot, map: &CityMap, zones: &[ControlZoneArea]) ->
     Some(around(busiest(&places, middle)))
 }
 
+/// Houses and gardens beside the outer streets reach so far.
+const HOUSES_M: f64 = 45.0;
 /// Sampling step of lanes for the bounds of the map.
 const ROUGHLY_M: f64 = 20.0;
 
