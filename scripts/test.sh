@@ -30,4 +30,7 @@ else
     step cargo test --locked --workspace --no-fail-fast
 fi
 
+# With the libraries of that build.
+step scripts/python.sh
+
 say "all passed in $((SECONDS / 60)) min $((SECONDS % 60)) s"

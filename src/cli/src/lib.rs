@@ -60,6 +60,7 @@ use city3d_simulation::environment::EnvironmentProfile;
 use city3d_simulation::scenario::{Overrides, ScenarioChange, ScenarioRequest};
 use clap::{Args, CommandFactory, FromArgMatches, Parser, Subcommand, ValueEnum};
 use signals::on_end;
+use std::ffi::OsString;
 use std::io::IsTerminal;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -280,7 +281,14 @@ impl From<ExistingResults> for Failure {
 
 /// Runs the program with the arguments of the process.
 pub fn main() -> ExitCode {
-    let cli = match Cli::from_arg_matches(&with_negative_numbers(Cli::command()).get_matches()) {
+    ExitCode::from(run_program(std::env::args_os()))
+}
+
+/// Runs the program with these arguments, of which the first is its name; returns the code that it exits with. Arguments that
+/// are no command, and requests for help, end the process.
+pub fn run_program(arguments: impl IntoIterator<Item = OsString>) -> u8 {
+    let matches = with_negative_numbers(Cli::command()).get_matches_from(arguments);
+    let cli = match Cli::from_arg_matches(&matches) {
         Ok(cli) => cli,
         Err(error) => error.exit(),
     };
@@ -294,10 +302,10 @@ pub fn main() -> ExitCode {
         Some(command) => run_command(command),
     });
     match result {
-        Ok(()) => ExitCode::SUCCESS,
+        Ok(()) => 0,
         Err(failure) => {
             say::complain(failure.message);
-            ExitCode::from(failure.code)
+            failure.code
         }
     }
 }

@@ -561,7 +561,7 @@ fn controller_of(
     params: DriverParams,
 ) -> Result<Box<dyn Controller>, SetupError> {
     let known = || drivers.names().map(str::to_owned).collect();
-    drivers.controller(&name, params).ok_or_else(|| SetupError::UnknownController {
+    drivers.controller(&name, (vehicle, params)).ok_or_else(|| SetupError::UnknownController {
         vehicle,
         name,
         known: known(),

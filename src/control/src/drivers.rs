@@ -1,11 +1,12 @@
 //! The drivers that a program knows by name: those of City3D, and its own.
 
 use super::{CONTROLLERS, Controller, DriverParams, controller};
+use city3d_protocol::snapshot::VehicleId;
 use std::collections::BTreeMap;
 use std::fmt;
 use std::sync::Arc;
 
-type MakeController = dyn Fn(DriverParams) -> Box<dyn Controller> + Send + Sync;
+type MakeController = dyn Fn(VehicleId, DriverParams) -> Box<dyn Controller> + Send + Sync;
 
 /// Control algorithms by name. A scenario names one of them as the `controller` of a `[driver.NAME]`.
 ///
@@ -24,7 +25,7 @@ type MakeController = dyn Fn(DriverParams) -> Box<dyn Controller> + Send + Sync;
 /// }
 ///
 /// let drivers = Drivers::standard().with("bang-bang", |params| Box::new(BangBang(params)));
-/// assert!(drivers.controller("bang-bang", DriverParams::default()).is_some());
+/// assert!(drivers.knows("bang-bang"));
 /// let names = ["bang-bang", "cacc", "cruise", "idm", "parked", "ploeg", "sinusoid"];
 /// assert_eq!(drivers.names().collect::<Vec<_>>(), names);
 /// ```
@@ -40,7 +41,7 @@ impl Drivers {
         for name in CONTROLLERS {
             drivers.by_name.insert(
                 name.to_owned(),
-                Arc::new(move |params| {
+                Arc::new(move |_, params| {
                     controller(name, params).unwrap_or_else(|| unreachable!("{name} is one of CONTROLLERS"))
                 }),
             );
@@ -51,17 +52,36 @@ impl Drivers {
     /// With another one, or with another algorithm under a name.
     #[must_use]
     pub fn with(
-        mut self,
+        self,
         name: &str,
         make: impl Fn(DriverParams) -> Box<dyn Controller> + Send + Sync + 'static,
+    ) -> Self {
+        self.with_each(name, move |_, params| make(params))
+    }
+
+    /// The same for an algorithm that knows which vehicle it drives.
+    #[must_use]
+    pub fn with_each(
+        mut self,
+        name: &str,
+        make: impl Fn(VehicleId, DriverParams) -> Box<dyn Controller> + Send + Sync + 'static,
     ) -> Self {
         self.by_name.insert(name.to_owned(), Arc::new(make));
         self
     }
 
     /// The algorithm of a name, for one vehicle; `None` for an unknown name.
-    pub fn controller(&self, name: &str, params: DriverParams) -> Option<Box<dyn Controller>> {
-        self.by_name.get(name).map(|make| make(params))
+    pub fn controller(
+        &self,
+        name: &str,
+        (vehicle, params): (VehicleId, DriverParams),
+    ) -> Option<Box<dyn Controller>> {
+        self.by_name.get(name).map(|make| make(vehicle, params))
+    }
+
+    /// Whether there is an algorithm of this name.
+    pub fn knows(&self, name: &str) -> bool {
+        self.by_name.contains_key(name)
     }
 
     /// All names, in alphabetical order.

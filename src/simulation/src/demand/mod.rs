@@ -93,7 +93,7 @@ impl Demand {
         let arrivals = Arc::clone(&experiment.arrivals);
         for vehicle in arrivals.iter().map(|arrival| &arrival.vehicle) {
             let drivers = &experiment.algorithms.drivers;
-            if drivers.controller(&vehicle.controller, vehicle.driver).is_none() {
+            if !drivers.knows(&vehicle.controller) {
                 let (name, known) =
                     (vehicle.controller.clone(), drivers.names().map(str::to_owned).collect());
                 return Err(SetupError::UnknownController { vehicle: vehicle.id, name, known });

@@ -1,0 +1,93 @@
+from collections.abc import Callable, Mapping, Sequence
+from os import PathLike
+from typing import Any, Literal, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+COLUMNS: list[str]
+STATUSES: list[str]
+CLASSES: list[str]
+SCENARIOS: list[str]
+__version__: str
+
+class Driver(Protocol):
+    def acceleration(
+        self, speed_mps: float, desired_mps: float, gap_m: float | None, leader_mps: float | None
+    ) -> float: ...
+
+class Camera:
+    @staticmethod
+    def onboard(vehicle: int, mount: Literal["windscreen", "bumper"] = "windscreen") -> Camera: ...
+    @staticmethod
+    def chase(vehicle: int, distance_m: float = 9.0, height_m: float = 3.6) -> Camera: ...
+    @staticmethod
+    def overhead(x_m: float = 0.0, y_m: float = 0.0, height_m: float = 200.0) -> Camera: ...
+    @staticmethod
+    def looking_at(
+        eye_m: tuple[float, float, float], target_m: tuple[float, float, float]
+    ) -> Camera: ...
+
+class SavedWorld: ...
+
+class World:
+    def __init__(
+        self,
+        scenario: str | PathLike[str],
+        *,
+        seed: int | None = None,
+        duration_s: float | None = None,
+        environment: Literal["ideal", "testbed"] | None = None,
+        dynamics: Literal["raycast", "bicycle"] | None = None,
+        set: Mapping[str, Any] | None = None,
+        drivers: Mapping[str, Callable[[int, dict[str, float]], Driver | None]] | None = None,
+        quality: Literal["auto", "low", "medium", "high", "ultra"] = "auto",
+    ) -> None: ...
+    def reset(self, seed: int | None = None) -> None: ...
+    def step(self, seconds: float = 0.1) -> None: ...
+    def states(self) -> NDArray[np.float64]: ...
+    def events(self) -> list[dict[str, Any]]: ...
+    def drive(
+        self,
+        vehicle: int,
+        *,
+        gas: float = 0.0,
+        brake: float = 0.0,
+        steering_rad: float = 0.0,
+        handbrake: float = 0.0,
+        reverse: bool = False,
+    ) -> None: ...
+    def act(self, ids: NDArray[np.uint32], pedals: NDArray[np.float64]) -> None: ...
+    def release(self, vehicle: int) -> None: ...
+    def save(self) -> SavedWorld: ...
+    def restore(self, saved: SavedWorld) -> None: ...
+    def pictures(
+        self,
+        cameras: Sequence[Camera],
+        width: int = 640,
+        height: int = 480,
+        *,
+        kind: Literal["rgb", "depth", "semantic", "instance"] = "rgb",
+        vertical_fov_deg: float = 50.0,
+    ) -> NDArray[Any]: ...
+    @property
+    def ids(self) -> NDArray[np.uint32]: ...
+    @property
+    def names(self) -> dict[int, str]: ...
+    @property
+    def time_s(self) -> float: ...
+    @property
+    def tick(self) -> int: ...
+    @property
+    def dt_s(self) -> float: ...
+    @property
+    def duration_s(self) -> float: ...
+    @property
+    def is_over(self) -> bool: ...
+    @property
+    def seed(self) -> int: ...
+    @property
+    def digest(self) -> str: ...
+
+def step_worlds(worlds: Sequence[World], seconds: float = 0.1) -> None: ...
+def run_program(arguments: Sequence[str]) -> int: ...

@@ -1,0 +1,47 @@
+//! The extension module `city3d._native`: simulated cities, their pictures and the program's command in a process of
+//! Python. The package `city3d` around it has the types and the environments for reinforcement learning.
+
+mod cameras;
+mod convert;
+mod drivers;
+mod pictures;
+mod states;
+mod world;
+
+use pyo3::prelude::*;
+
+/// Simulated cities for Python.
+#[pymodule]
+mod _native {
+    #[pymodule_export]
+    use super::cameras::Camera;
+    #[pymodule_export]
+    use super::world::{SavedWorld, World, step_worlds};
+    use pyo3::prelude::*;
+
+    /// Runs the program with these arguments, of which the first is its name; returns its exit code.
+    #[pyfunction]
+    fn run_program(py: Python<'_>, arguments: Vec<std::ffi::OsString>) -> u8 {
+        py.detach(|| super::program(arguments))
+    }
+
+    #[pymodule_init]
+    fn constants(module: &Bound<'_, PyModule>) -> PyResult<()> {
+        module.add("COLUMNS", super::states::COLUMNS)?;
+        module.add("STATUSES", super::states::statuses())?;
+        module.add("CLASSES", super::pictures::classes())?;
+        module.add("SCENARIOS", super::world::scenarios())?;
+        module.add("__version__", env!("CARGO_PKG_VERSION"))
+    }
+}
+
+#[cfg(feature = "command")]
+fn program(arguments: Vec<std::ffi::OsString>) -> u8 {
+    city3d_cli::run_program(arguments)
+}
+
+#[cfg(not(feature = "command"))]
+fn program(_: Vec<std::ffi::OsString>) -> u8 {
+    eprintln!("this package was built without the program's command");
+    2
+}
