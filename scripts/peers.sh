@@ -3,8 +3,8 @@
 #
 #   scripts/peers.sh rosbridge [SECONDS]   the roundabout over rosbridge, 120 s unless told otherwise: a server of Autobahn,
 #                                          Twisted and rospy (what rosbridge_suite is made of) under a roscore of its own
-#   scripts/peers.sh web [FOLDER]          the web page in Debian's Chromium: plan, table, preview, start, drive, reconnect,
-#                                          twenty pages; pictures of it go to FOLDER, out/web unless told otherwise
+#   scripts/peers.sh web [FOLDER]          the web page in Debian's Chromium: plan, table, preview, start, drive, guests, H.264,
+#                                          reconnect, twenty pages; pictures of it go to FOLDER, out/web unless told otherwise
 #   scripts/peers.sh foxglove [FOLDER]     a served city with Foxglove's own client of its protocol and its readers of ROS 2
 #                                          messages (npm), and its definitions of messages (PyPI); a picture goes to
 #                                          FOLDER, out/foxglove unless told otherwise
@@ -93,7 +93,7 @@ rosbridge() {
 serve_city() {
     # Of a city before: its lines are not those that are waited for.
     rm -f "$folder/city.out"
-    (trap - INT; exec "$city3d" serve roundabout --headless --bind 127.0.0.1:0 "$1") \
+    (trap - INT; exec "$city3d" serve roundabout --headless --bind 127.0.0.1:0 --guests 1 "$1") \
         >"$folder/city.out" 2>"$folder/city.err" &
     city=$!
     wait_for "$folder/city.out" "$2"
@@ -110,7 +110,8 @@ web() {
     install_packages python3-venv
     make_venv target/web-peer tests/peers/web-requirements.txt
     if [[ -z "$city3d" ]]; then
-        cargo build --release --locked
+        cargo build --release --locked --features h264
+        export CITY3D_HAS_H264=1
         city3d="${CARGO_TARGET_DIR:-target}/release/city3d"
     fi
     port=$(free_port)

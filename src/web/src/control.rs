@@ -3,8 +3,8 @@
 use city3d_network::listener::{PeerCounters, count};
 use city3d_protocol::snapshot::{Pedals, VehicleId};
 use city3d_session::playback::{PlaybackCommand, PlayerRemote, Playhead};
-use city3d_session::{Order, OrderSender, Speed};
-use std::collections::BTreeMap;
+use city3d_session::{GuestAct, Order, OrderSender, Speed};
+use std::collections::{BTreeMap, VecDeque};
 use std::sync::{Arc, Mutex, PoisonError};
 
 /// Who takes the orders of pages.
@@ -22,22 +22,44 @@ pub(crate) struct Control {
     orders: PageOrders,
     /// Which page drives a vehicle.
     drivers: Mutex<BTreeMap<VehicleId, u64>>,
+    /// Orders of pages that are gone, which would not be given again, for want of room.
+    backlog: Mutex<VecDeque<Order>>,
     counters: Arc<PeerCounters>,
 }
 
 impl Control {
     pub(crate) fn new(orders: PageOrders, counters: Arc<PeerCounters>) -> Self {
-        Self { orders, drivers: Mutex::default(), counters }
+        Self { orders, drivers: Mutex::default(), backlog: Mutex::default(), counters }
     }
 
     /// Gives an order; without room it is lost, and counted.
     pub(crate) fn order(&self, order: Order) {
-        let is_taken = match &self.orders {
+        if !self.send(order) {
+            count(&self.counters.lost_orders, 1);
+        }
+    }
+
+    fn send(&self, order: Order) -> bool {
+        match &self.orders {
             PageOrders::City(orders) => orders.send(order),
             PageOrders::Log(remote) => playback_command(&order).is_none_or(|command| remote.send(command)),
-        };
-        if !is_taken {
-            count(&self.counters.lost_orders, 1);
+        }
+    }
+
+    /// Gives an order that must not be lost: a vehicle would stay driven, or a guest's car. There are few of them.
+    fn insist(&self, order: Order) {
+        self.backlog.lock().unwrap_or_else(PoisonError::into_inner).push_back(order);
+        self.catch_up();
+    }
+
+    /// Gives the orders that there was no room for.
+    pub(crate) fn catch_up(&self) {
+        let mut backlog = self.backlog.lock().unwrap_or_else(PoisonError::into_inner);
+        while let Some(order) = backlog.pop_front() {
+            if !self.send(order.clone()) {
+                backlog.push_front(order);
+                return;
+            }
         }
     }
 
@@ -73,7 +95,16 @@ impl Control {
         let mut drivers = self.drivers.lock().unwrap_or_else(PoisonError::into_inner);
         if drivers.get(&vehicle) == Some(&page) {
             drivers.remove(&vehicle);
-            self.order(Order::Release(vehicle));
+            self.insist(Order::Release(vehicle));
+        }
+    }
+
+    /// What a guest of a page does. That it lets go and leaves is not lost.
+    pub(crate) fn guest(&self, guest: u16, act: GuestAct) {
+        let order = Order::Guest(guest, act);
+        match act {
+            GuestAct::Release | GuestAct::Leave => self.insist(order),
+            GuestAct::Join | GuestAct::Drive(_) => self.order(order),
         }
     }
 }
