@@ -175,6 +175,7 @@ async def check_guest(port, url, tab, folder):
     print("guest: at the wheel of a car of its own after", round(time.monotonic() - before, 1), "s")
     await tab.call("Input.dispatchKeyEvent", type="keyDown", key="w", code="KeyW")
     await tab.until(f"{own_speed} > 1.5 && $('large').dataset.pictures > 2")
+    await tab.run("scrollTo(0, 0)")
     await tab.shoot(f"{folder}/guest.png")
     await tab.shoot(f"{folder}/guest-phone.png", (390, 1700), True)
     await tab.call("Emulation.clearDeviceMetricsOverride")
