@@ -129,6 +129,11 @@ web() {
     fi
     wait "$browser"
     end_all
+    if [[ -n "${CITY3D_HAS_H264:-}" ]]; then
+        say "lints of the feature h264, and its frames, decoded by openh264"
+        cargo clippy --locked --no-default-features --features h264 -- -D warnings
+        cargo test --release --locked -p city3d-web -p city3d --features city3d/h264 --lib h264
+    fi
     say "a log on the page"
     "$city3d" run roundabout --duration 20 --out "$folder/run" --json >"$folder/run.json"
     (trap - INT; exec "$city3d" replay "$folder/run" --web=127.0.0.1:0) >"$folder/log.out" 2>"$folder/log.err" &
@@ -162,6 +167,13 @@ foxglove() {
     # Modules are looked for beside the script.
     cp tests/peers/foxglove/client.mjs "$node/client.mjs"
     node "$node/client.mjs" "$url"
+    end_all
+    say "pictures of a run"
+    (trap - INT; exec "$city3d" run roundabout --speed 1 --duration 120 --foxglove=127.0.0.1:0 --out "$folder/seen") \
+        >"$folder/run.out" 2>"$folder/run.err" &
+    processes+=($!)
+    wait_for "$folder/run.out" "Foxglove connects to"
+    target/foxglove-peer/python/bin/python tests/peers/foxglove/scene.py "$(grep -o 'ws://.*' "$folder/run.out")" "$pictures/run.jpg" --look
 }
 
 # serve_ros2 NAME ARGUMENTS: serves a city over ROS 2 in the background; its files go to $folder/NAME.
@@ -284,6 +296,9 @@ zenoh() {
     local seconds=${1:-60} city3d=${CITY3D:-} domain=$((100 + RANDOM % 100)) address
     local peer=$PWD/target/zenoh-peer/bin
     make_venv target/zenoh-peer tests/peers/zenoh-requirements.txt
+    # Not in scripts/test.sh: its crates take three minutes of a processor.
+    say "lints of the feature zenoh"
+    cargo clippy --locked --no-default-features --features zenoh -- -D warnings
     if [[ -z "$city3d" ]]; then
         cargo build --release --locked --features zenoh
         city3d="${CARGO_TARGET_DIR:-target}/release/city3d"

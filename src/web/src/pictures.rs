@@ -22,6 +22,8 @@ pub type PictureDrawer = OpenRenderer;
 
 /// Different streams that are made at once, at most.
 const MAX_STREAMS: usize = 32;
+/// Those of H.264 among them, at most: an encoder has 13 MB for 1280x960. Further ones are JPEG.
+const MAX_VIDEOS: usize = 12;
 /// Least time between two pictures of all views.
 const DRAW_INTERVAL: Duration = Duration::from_millis(33);
 /// A city that stands is looked at again after this time.
@@ -124,6 +126,12 @@ impl SharedDesk {
 }
 
 impl Desk {
+    /// Whether a view can be H.264.
+    fn has_room_for_video(&self, view: ViewKey) -> bool {
+        let videos = self.streams.keys().filter(|(_, is_video)| *is_video).count();
+        self.streams.contains_key(&(view, true)) || videos < MAX_VIDEOS
+    }
+
     /// The streams of which a page wants a picture. A slow page cannot have key frames as often as it likes: they are large,
     /// and all who look alike get them.
     fn wanted(&self, now: Instant) -> impl Iterator<Item = WantedStream> + '_ {
@@ -196,8 +204,9 @@ impl Pictures {
             let size: u32 = extent[k].clamp(SMALLEST, LARGEST[k]);
             size.next_multiple_of(SIZE_STEP).min(LARGEST[k])
         });
-        let key = ((view, [width, height]), is_video);
         let mut desk = self.shared.desk();
+        let is_video = is_video && desk.has_room_for_video((view, [width, height]));
+        let key = ((view, [width, height]), is_video);
         if !desk.is_drawn || (!desk.streams.contains_key(&key) && desk.streams.len() >= MAX_STREAMS) {
             return None;
         }
@@ -482,6 +491,15 @@ mod tests {
         // Who comes later begins with a key frame too.
         let mut late = look();
         assert!(tokio::time::timeout(Duration::ZERO, late.next()).await.is_err() && wants_key());
+    }
+
+    #[test]
+    fn views_beyond_those_that_can_be_encoded_at_once_are_jpeg() {
+        let pictures = shared();
+        let look = |vehicle| pictures.look(PageView::Chase { vehicle }, [320, 240], true).unwrap();
+        let looks: Vec<_> = (0..=MAX_VIDEOS as u32).map(look).collect();
+        let videos = looks.iter().filter(|look| look.key.1).count();
+        assert_eq!((videos, looks[MAX_VIDEOS].key.1, look(0).key.1), (MAX_VIDEOS, false, true));
     }
 
     #[test]
