@@ -22,7 +22,7 @@ pub(crate) struct Control {
     orders: PageOrders,
     /// Which page drives a vehicle.
     drivers: Mutex<BTreeMap<VehicleId, u64>>,
-    /// Orders of pages that are gone, which would not be given again, for want of room.
+    /// Orders that pages would not give again, while there is no room for them.
     backlog: Mutex<VecDeque<Order>>,
     counters: Arc<PeerCounters>,
 }
@@ -46,9 +46,19 @@ impl Control {
         }
     }
 
-    /// Gives an order that must not be lost: a vehicle would stay driven, or a guest's car. There are few of them.
+    /// Gives an order that must not be lost: a vehicle would stay driven, or a guest's car stay there. Of each vehicle and
+    /// guest only what still matters is kept.
     fn insist(&self, order: Order) {
-        self.backlog.lock().unwrap_or_else(PoisonError::into_inner).push_back(order);
+        let mut backlog = self.backlog.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Order::Guest(guest, GuestAct::Leave) = order {
+            backlog.retain(|known| {
+                !matches!(known, Order::Guest(other, GuestAct::Join | GuestAct::Release) if *other == guest)
+            });
+        }
+        if !backlog.contains(&order) {
+            backlog.push_back(order);
+        }
+        drop(backlog);
         self.catch_up();
     }
 
@@ -99,12 +109,12 @@ impl Control {
         }
     }
 
-    /// What a guest of a page does. That it lets go and leaves is not lost.
+    /// What a guest of a page does. Only pedals may be lost: others follow.
     pub(crate) fn guest(&self, guest: u16, act: GuestAct) {
         let order = Order::Guest(guest, act);
         match act {
-            GuestAct::Release | GuestAct::Leave => self.insist(order),
-            GuestAct::Join | GuestAct::Drive(_) => self.order(order),
+            GuestAct::Drive(_) => self.order(order),
+            GuestAct::Join | GuestAct::Release | GuestAct::Leave => self.insist(order),
         }
     }
 }
@@ -118,5 +128,42 @@ fn playback_command(order: &Order) -> Option<PlaybackCommand> {
         Order::Reset => Some(PlaybackCommand::Seek(f64::NEG_INFINITY)),
         Order::Speed(Speed::Times(factor)) => Some(PlaybackCommand::Speed(*factor)),
         _ => None,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_must_not_be_lost_is_given_once_there_is_room() {
+        let (sender, mut orders) = city3d_session::orders();
+        let counters = Arc::<PeerCounters>::default();
+        let control = Control::new(PageOrders::City(sender), Arc::clone(&counters));
+        let (own, pedals) = (VehicleId(3), Pedals::default());
+        control.drive(1, own, pedals);
+        while counters.counts().lost_orders == 0 {
+            control.order(Order::Pause);
+        }
+        control.guest(7, GuestAct::Join);
+        for _ in 0..100 {
+            control.guest(7, GuestAct::Leave);
+            control.guest(7, GuestAct::Join);
+            control.drive(1, own, pedals);
+            control.release(1, own);
+        }
+        control.guest(8, GuestAct::Join);
+        control.guest(8, GuestAct::Leave);
+        while orders.take().is_some() {}
+        control.catch_up();
+        let given: Vec<Order> = std::iter::from_fn(|| orders.take()).collect();
+        let guest = Order::Guest;
+        let wanted = [
+            guest(7, GuestAct::Leave),
+            Order::Release(own),
+            guest(7, GuestAct::Join),
+            guest(8, GuestAct::Leave),
+        ];
+        assert_eq!(given, wanted);
     }
 }
