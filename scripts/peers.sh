@@ -89,7 +89,8 @@ rosbridge() {
     /usr/bin/python3 tests/peers/rosbridge_report.py "$folder" "$seconds"
 }
 
-# serve_city OPTION LINE: serves the roundabout with an option and waits for its line; a mainframe brings the vehicles.
+# serve_city OPTION LINE: serves the roundabout with an option and waits for its line; a mainframe brings the vehicles, for longer
+# than the checks take.
 serve_city() {
     # Of a city before: its lines are not those that are waited for.
     rm -f "$folder/city.out"
@@ -99,7 +100,7 @@ serve_city() {
     wait_for "$folder/city.out" "$2"
     local address
     address=$(sed -n 's/.*on udp \([0-9.:]*\).*/\1/p' "$folder/city.out")
-    (trap - INT; exec "$city3d" mainframe roundabout --city "$address") >"$folder/mainframe.out" 2>&1 &
+    (trap - INT; exec "$city3d" mainframe roundabout --duration 600 --city "$address") >"$folder/mainframe.out" 2>&1 &
     mainframe=$!
     processes=("$city" "$mainframe")
 }

@@ -4,7 +4,7 @@ use tokio_tungstenite::tungstenite::Bytes;
 
 /// How a picture is encoded.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-#[cfg_attr(not(feature = "render"), allow(dead_code, reason = "nothing is drawn"))]
+#[cfg_attr(not(feature = "h264"), allow(dead_code, reason = "there are no frames of H.264"))]
 pub(crate) enum PictureKind {
     /// By itself.
     #[default]
