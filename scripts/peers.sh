@@ -107,8 +107,9 @@ serve_city() {
 
 web() {
     local pictures=${1:-out/web} city3d=${CITY3D:-} port city mainframe
+    # openh264 is C++.
     install_packages chromium
-    install_packages python3-venv
+    install_packages python3-venv g++
     make_venv target/web-peer tests/peers/web-requirements.txt
     if [[ -z "$city3d" ]]; then
         cargo build --release --locked --features h264
