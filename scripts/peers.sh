@@ -3,8 +3,8 @@
 #
 #   scripts/peers.sh rosbridge [SECONDS]   the roundabout over rosbridge, 120 s unless told otherwise: a server of Autobahn,
 #                                          Twisted and rospy (what rosbridge_suite is made of) under a roscore of its own
-#   scripts/peers.sh web [FOLDER]          the web page in Debian's Chromium: plan, table, preview, start, drive, reconnect,
-#                                          twenty pages; pictures of it go to FOLDER, out/web unless told otherwise
+#   scripts/peers.sh web [FOLDER]          the web page in Debian's Chromium: plan, table, preview, start, drive, guests, H.264,
+#                                          reconnect, twenty pages; pictures of it go to FOLDER, out/web unless told otherwise
 #   scripts/peers.sh foxglove [FOLDER]     a served city with Foxglove's own client of its protocol and its readers of ROS 2
 #                                          messages (npm), and its definitions of messages (PyPI); a picture goes to
 #                                          FOLDER, out/foxglove unless told otherwise
@@ -89,28 +89,31 @@ rosbridge() {
     /usr/bin/python3 tests/peers/rosbridge_report.py "$folder" "$seconds"
 }
 
-# serve_city OPTION LINE: serves the roundabout with an option and waits for its line; a mainframe brings the vehicles.
+# serve_city OPTION LINE: serves the roundabout with an option and waits for its line; a mainframe brings the vehicles, for longer
+# than the checks take.
 serve_city() {
     # Of a city before: its lines are not those that are waited for.
     rm -f "$folder/city.out"
-    (trap - INT; exec "$city3d" serve roundabout --headless --bind 127.0.0.1:0 "$1") \
+    (trap - INT; exec "$city3d" serve roundabout --headless --bind 127.0.0.1:0 --guests 1 "$1") \
         >"$folder/city.out" 2>"$folder/city.err" &
     city=$!
     wait_for "$folder/city.out" "$2"
     local address
     address=$(sed -n 's/.*on udp \([0-9.:]*\).*/\1/p' "$folder/city.out")
-    (trap - INT; exec "$city3d" mainframe roundabout --city "$address") >"$folder/mainframe.out" 2>&1 &
+    (trap - INT; exec "$city3d" mainframe roundabout --duration 600 --city "$address") >"$folder/mainframe.out" 2>&1 &
     mainframe=$!
     processes=("$city" "$mainframe")
 }
 
 web() {
     local pictures=${1:-out/web} city3d=${CITY3D:-} port city mainframe
+    # openh264 is C++.
     install_packages chromium
-    install_packages python3-venv
+    install_packages python3-venv g++
     make_venv target/web-peer tests/peers/web-requirements.txt
     if [[ -z "$city3d" ]]; then
-        cargo build --release --locked
+        cargo build --release --locked --features h264
+        export CITY3D_HAS_H264=1
         city3d="${CARGO_TARGET_DIR:-target}/release/city3d"
     fi
     port=$(free_port)
@@ -128,6 +131,11 @@ web() {
     fi
     wait "$browser"
     end_all
+    if [[ -n "${CITY3D_HAS_H264:-}" ]]; then
+        say "lints of the feature h264, and its frames, decoded by openh264"
+        cargo clippy --locked --no-default-features --features h264 -- -D warnings
+        cargo test --release --locked -p city3d-web -p city3d --features city3d/h264 --lib h264
+    fi
     say "a log on the page"
     "$city3d" run roundabout --duration 20 --out "$folder/run" --json >"$folder/run.json"
     (trap - INT; exec "$city3d" replay "$folder/run" --web=127.0.0.1:0) >"$folder/log.out" 2>"$folder/log.err" &
@@ -161,6 +169,13 @@ foxglove() {
     # Modules are looked for beside the script.
     cp tests/peers/foxglove/client.mjs "$node/client.mjs"
     node "$node/client.mjs" "$url"
+    end_all
+    say "pictures of a run"
+    (trap - INT; exec "$city3d" run roundabout --speed 1 --duration 120 --foxglove=127.0.0.1:0 --out "$folder/seen") \
+        >"$folder/run.out" 2>"$folder/run.err" &
+    processes+=($!)
+    wait_for "$folder/run.out" "Foxglove connects to"
+    target/foxglove-peer/python/bin/python tests/peers/foxglove/scene.py "$(grep -o 'ws://.*' "$folder/run.out")" "$pictures/run.jpg" --look
 }
 
 # serve_ros2 NAME ARGUMENTS: serves a city over ROS 2 in the background; its files go to $folder/NAME.
@@ -283,6 +298,9 @@ zenoh() {
     local seconds=${1:-60} city3d=${CITY3D:-} domain=$((100 + RANDOM % 100)) address
     local peer=$PWD/target/zenoh-peer/bin
     make_venv target/zenoh-peer tests/peers/zenoh-requirements.txt
+    # Not in scripts/test.sh: its crates take three minutes of a processor.
+    say "lints of the feature zenoh"
+    cargo clippy --locked --no-default-features --features zenoh -- -D warnings
     if [[ -z "$city3d" ]]; then
         cargo build --release --locked --features zenoh
         city3d="${CARGO_TARGET_DIR:-target}/release/city3d"

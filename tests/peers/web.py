@@ -83,7 +83,11 @@ async def check(port, url, folder, restart):
     print("page: state after", round(await tab.run("performance.now()")), "ms of the page's life (upper bound)")
     await tab.run("select(state.vehicles[0][0])")
     await tab.until("$('small').dataset.pictures > 0")
-    print("page: first picture after", round(await tab.run("window.firstPicture")), "ms of the page's life")
+    print("page: first picture after", round(await tab.run("window.firstPicture")), "ms of the page's life, as",
+          await tab.run("$('small').dataset.codec"))
+    has_video = await tab.run("hasVideo")
+    assert await tab.run("$('small').dataset.codec") == ("h264" if has_video else "jpeg")
+    assert has_video or "CITY3D_HAS_H264" not in os.environ, "no H.264"
     await tab.run("$('start').click()")
     await tab.until("state.phase === 'running'")
     await tab.run("$('mode').value = 'orbit'; $('mode').onchange()")
@@ -100,7 +104,7 @@ async def check(port, url, folder, restart):
     await tab.run("""window.pressed = performance.now(); window.moved = 0; window.pictured = 0;
         window.manual = setInterval(() => { const v = state.vehicles.find((v) => v[0] === selected);
             if (!window.moved && v[5] === 'manual' && v[7] > 0.5) {
-                window.moved = performance.now(); $('small').addEventListener('load', () => {
+                window.moved = performance.now(); $('small').addEventListener('picture', () => {
                     window.pictured ||= performance.now(); }); } }, 1);""")
     await tab.call("Input.dispatchKeyEvent", type="keyDown", key="w", code="KeyW")
     await tab.until("window.pictured > 0")
@@ -130,6 +134,10 @@ async def check(port, url, folder, restart):
     await tab.call("Emulation.clearDeviceMetricsOverride")
     print("touch: steers right with gas, and lets go")
 
+    await check_guest(port, url, tab, folder)
+    if has_video:
+        await check_fallback(port, url, tab)
+
     watching = url.split("#")[0]
     visitor = await open_tab(port, watching)
     await visitor.until("typeof state === 'object' && state !== null && state.vehicles.length > 0")
@@ -155,6 +163,55 @@ async def check(port, url, folder, restart):
     await tab.until("state.tick < 2000 && !mayOrder && state.vehicles.length > 0", 60)
     print("restart: the page shows the new city after", round(time.monotonic() - before, 1), "s")
     await tab.shoot(f"{folder}/restart.png")
+
+
+async def check_guest(port, url, tab, folder):
+    """A page joins with a car of its own and drives it; a second one waits until the first one leaves."""
+    own_speed = "state.vehicles.find((v) => v[0] === own)[4]"
+    assert await tab.run("!$('join').hidden && $('join').textContent === 'Join with a car of my own'")
+    before = time.monotonic()
+    await tab.run("$('join').click()")
+    await tab.until("own !== null && driven === own && selected === own")
+    print("guest: at the wheel of a car of its own after", round(time.monotonic() - before, 1), "s")
+    await tab.call("Input.dispatchKeyEvent", type="keyDown", key="w", code="KeyW")
+    await tab.until(f"{own_speed} > 1.5 && $('large').dataset.pictures > 2")
+    await tab.run("scrollTo(0, 0)")
+    await tab.shoot(f"{folder}/guest.png")
+    await tab.shoot(f"{folder}/guest-phone.png", (390, 1700), True)
+    await tab.call("Emulation.clearDeviceMetricsOverride")
+    await tab.call("Input.dispatchKeyEvent", type="keyUp", key="w", code="KeyW")
+
+    other = await open_tab(port, url)
+    await other.until("typeof state === 'object' && state !== null && !$('join').hidden")
+    await other.run("$('join').click()")
+    await other.until("$('notice').textContent.includes('your car waits outside') && own === null")
+    await tab.run("$('join').click()")
+    await other.until("own !== null && $('notice').textContent.includes('steer')")
+    await tab.until("own === null && $('join').textContent === 'Join with a car of my own'")
+    car = await other.run("own")
+    await other.call("Page.close")
+    await tab.until(f"!state.vehicles.some(([id]) => id === {car})")
+    await tab.run("select(state.vehicles[0][0])")
+    print("guest: one waits outside until the other leaves, and a closed page takes its car along")
+
+
+async def check_fallback(port, url, tab):
+    """Without a decoder of H.264, from the start or all at once, pictures come as JPEG."""
+    await tab.run("$('mode').value = 'orbit'; $('mode').onchange()")
+    await tab.until("$('large').dataset.codec === 'h264' && decoders.every((it) => it && it.state === 'configured')")
+    await tab.run("decoders[LARGE].close()")
+    await tab.until("PLACES.every((place) => $(place).dataset.codec === 'jpeg')")
+    count = await tab.run("Number($('small').dataset.pictures)")
+    await tab.until(f"$('small').dataset.pictures > {count + 3}")
+    older = await open_tab(port, "about:blank")
+    await older.call("Page.addScriptToEvaluateOnNewDocument", source="delete window.VideoDecoder")
+    await older.call("Page.navigate", url=url)
+    await older.until("typeof state === 'object' && state !== null && state.vehicles.length > 0")
+    await older.run("select(state.vehicles[1][0])")
+    await older.until("$('small').dataset.pictures > 3")
+    assert await older.run("$('small').dataset.codec") == "jpeg"
+    await older.call("Page.close")
+    print("without a decoder of H.264 the pages go on with JPEG")
 
 
 async def check_log(port, url, folder):

@@ -1,5 +1,6 @@
 //! A city with its control framework in this process.
 
+use super::guests::NO_GUESTS;
 use super::source::{Source, Step};
 use super::{Inputs, Order, Orders, RunPhase, SessionError};
 use city3d_control::Mainframe;
@@ -132,6 +133,7 @@ impl Source for LocalCity {
             Order::Drive(vehicle, _) if self.experiment.is_physical(*vehicle) => {
                 return Err(format!("vehicle {vehicle} is in the laboratory: nobody drives it from here"));
             }
+            Order::Guest(..) => return Err(NO_GUESTS.to_owned()),
             Order::Drive(..) | Order::Release(_) => {
                 self.commands.extend(order.vehicle().zip(order.vehicle_command()));
             }

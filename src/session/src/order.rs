@@ -27,11 +27,26 @@ pub enum Order {
     Drive(VehicleId, Pedals),
     /// The person hands the vehicle back.
     Release(VehicleId),
+    /// A guest who comes by the city's own web page, with a car of its own; the number is the page's.
+    Guest(u16, GuestAct),
     /// Whether published states tell the plans of coordinated vehicles. It changes nothing in the city.
     TellPlans(bool),
     /// Whether published states tell the decisions of the control framework and the delays of its commands. It changes
     /// nothing in the city.
     TellDecisions(bool),
+}
+
+/// What a guest of the city's own web page does.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum GuestAct {
+    /// Brings its car; where there is no room for it, the city goes on trying.
+    Join,
+    /// Drives its car.
+    Drive(Pedals),
+    /// Lets go of the wheel; the car brakes.
+    Release,
+    /// Takes its car away.
+    Leave,
 }
 
 /// Where a run is to pause by itself.

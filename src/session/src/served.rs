@@ -2,12 +2,11 @@
 
 use super::loss_reporter::LossReporter;
 use super::moment::SenderLabels;
+use super::page_guests::PageGuests;
 use super::source::{Now, Pace, Source, Step};
 use super::topic_control::TopicControl;
 use super::udp_poses::{PoseSubscribers, UdpPoses};
-use super::{
-    End, EndHealth, Inputs, LinkStatus, Moment, MomentKind, Order, Orders, RunPhase, SessionError, StepTiming,
-};
+use super::{Inputs, LinkStatus, Order, Orders, RunPhase, SessionError};
 use city3d_logbook::record::LogOrigin;
 use city3d_network::host::Host;
 use city3d_network::link::exchange::TrajectoryExchange;
@@ -19,14 +18,16 @@ use city3d_protocol::wire::{
     Authenticator, Body, CityDescription, ExperimentAction, ExperimentPhase, Measurement, RequestOutcome,
 };
 use city3d_simulation::runner::{
-    HeldControl, LinkSummary, MOTION_CAPTURE, OPERATOR, RosSummary, SenderNumber, ServerRules, ServerWorld,
-    TOPICS,
+    FIRST_PAGE_GUEST, HeldControl, LinkSummary, MOTION_CAPTURE, OPERATOR, RosSummary, SenderNumber,
+    ServerRules, ServerWorld, TOPICS,
 };
 use city3d_simulation::scenario::Experiment;
 use std::collections::BTreeMap;
 use std::sync::mpsc::Sender;
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
+
+pub use super::timing_marks::{TimingMark, TimingMarks};
 
 /// How a city is served.
 #[derive(Clone, Debug)]
@@ -72,62 +73,6 @@ pub trait MotionCapture: Send {
 
     /// Counters since the start.
     fn summary(&self) -> RosSummary;
-}
-
-/// Time stamps of an event inside a served city, for benchmarks.
-#[derive(Clone, Copy, Debug)]
-pub enum TimingMark {
-    /// A datagram of trajectories has been queued for the next tick.
-    Taken {
-        /// The vehicle of the first trajectory of the datagram.
-        vehicle: VehicleId,
-        /// Sequence number of that trajectory, which counts per vehicle.
-        sequence: u32,
-        /// When the datagram arrived, wall clock.
-        at: Instant,
-    },
-    /// A tick is done, and the ends before this one have its poses.
-    Ticked {
-        /// Number of the tick that the world has reached.
-        tick: u64,
-        /// When its computation was due, began and ended.
-        timing: StepTiming,
-        /// When its poses had been handed on.
-        sent: Instant,
-    },
-}
-
-/// An end that marks when each tick was told to those before it.
-#[derive(Debug)]
-pub struct TimingMarks {
-    marks: Sender<TimingMark>,
-    told: u64,
-}
-
-impl TimingMarks {
-    /// Sends its marks here.
-    pub fn new(marks: Sender<TimingMark>) -> Self {
-        Self { marks, told: 0 }
-    }
-}
-
-impl End for TimingMarks {
-    fn name(&self) -> &'static str {
-        "marks"
-    }
-
-    fn take(&mut self, moment: &Moment<'_>) {
-        if moment.kind == MomentKind::Tick {
-            let (tick, timing) = (moment.snapshot.tick, moment.timing);
-            // The bench may have ended.
-            let _ = self.marks.send(TimingMark::Ticked { tick, timing, sent: Instant::now() });
-            self.told += 1;
-        }
-    }
-
-    fn health(&self) -> EndHealth {
-        EndHealth { delivered: self.told, ..EndHealth::default() }
-    }
 }
 
 /// Rate limit in lockstep, where barriers already hold the sender back.
@@ -192,6 +137,7 @@ pub struct ServedCity {
     capture: Option<Box<dyn MotionCapture>>,
     /// A control framework that does not use the link.
     topic_control: Option<TopicControl>,
+    page_guests: PageGuests,
     /// Newest measured poses while the clock is stopped.
     idle_poses: BTreeMap<VehicleId, Measurement>,
     /// Scratch buffer of measured poses.
@@ -245,6 +191,7 @@ impl ServedCity {
                 MAX_SUBSCRIBERS,
             ))),
             server,
+            page_guests: PageGuests::of(&experiment),
             world: ServerWorld::new(experiment, rules),
             begun: now,
             physical_fleet,
@@ -431,6 +378,7 @@ impl SenderLabels for ServedCity {
             MOTION_CAPTURE => "motion capture".to_owned(),
             OPERATOR => "window".to_owned(),
             TOPICS => "topics".to_owned(),
+            FIRST_PAGE_GUEST.. => "page".to_owned(),
             sender => self.server.label(SenderId(sender)),
         }
     }
@@ -486,6 +434,7 @@ impl Source for ServedCity {
     }
 
     fn order(&mut self, order: &Order) -> Result<(), String> {
+        let now_s = self.now_s(self.host.clock.now());
         let command = |action| Body::Command { request: 0, action };
         let body = match order {
             Order::Start => command(ExperimentAction::Start),
@@ -499,9 +448,12 @@ impl Source for ServedCity {
                 Body::Drive { vehicle: *vehicle, sequence: 0, pedals: Some(*pedals) }
             }
             Order::Release(vehicle) => Body::Drive { vehicle: *vehicle, sequence: 0, pedals: None },
+            Order::Guest(number, act) => {
+                self.page_guests.act(&mut self.world, now_s, *number, *act);
+                return Ok(());
+            }
             Order::RunUntil(_) | Order::TellPlans(_) | Order::TellDecisions(_) => return Ok(()),
         };
-        let now_s = self.now_s(self.host.clock.now());
         self.world.operate(now_s, body)
     }
 
@@ -531,6 +483,7 @@ impl Source for ServedCity {
         }
         self.warm_up(now);
         let now_s = self.now_s(now.at);
+        self.page_guests.keep_up(&mut self.world, now_s);
         self.world.release_silent_drivers(now_s);
         self.take_measurements(now);
         self.take_topics(now);
@@ -585,6 +538,7 @@ impl Source for ServedCity {
             received_per_s: self.rate.per_s,
             missing,
             dropped: dropped.total(),
+            page_guests: Some(self.page_guests.statuses()),
             ..LinkStatus::default()
         })
     }

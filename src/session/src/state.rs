@@ -59,6 +59,19 @@ pub struct LinkStatus {
     pub own_vehicle: Option<VehicleId>,
     /// Name of the scenario, as a city elsewhere tells it.
     pub scenario: Option<String>,
+    /// Guests who have come by the city's own web page; `None` where nobody can.
+    pub page_guests: Option<Vec<GuestStatus>>,
+}
+
+/// A guest of the city's own web page, for people.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct GuestStatus {
+    /// The page's number for it.
+    pub number: u16,
+    /// Its car, once the city has it.
+    pub vehicle: Option<VehicleId>,
+    /// Why the city has not taken the car, as a sentence.
+    pub trouble: Option<String>,
 }
 
 /// How one end of the session does, for people.

@@ -1,12 +1,14 @@
 //! One page that is connected: what it is told, and what it may ask for.
 
 use crate::feed::Told;
-use crate::message::{MAX_MESSAGE_BYTES, PageMessage, SLOTS};
+use crate::h264::IS_BUILT;
+use crate::message::{MAX_MESSAGE_BYTES, PageMessage, PageView, SLOTS};
+use crate::picture::{Picture, PictureKind};
 use crate::pictures::Look;
 use crate::server::Shared;
 use city3d_network::listener::{Patience, count};
 use city3d_protocol::snapshot::{Pedals, VehicleId};
-use city3d_session::{MessageRate, Order, Speed};
+use city3d_session::{GuestAct, MessageRate, Order, Speed};
 use futures_util::stream::SplitSink;
 use futures_util::{SinkExt, StreamExt};
 use serde_json::json;
@@ -16,7 +18,7 @@ use tokio::time::{Instant, sleep_until, timeout};
 use tokio_tungstenite::WebSocketStream;
 use tokio_tungstenite::tungstenite::protocol::frame::coding::CloseCode;
 use tokio_tungstenite::tungstenite::protocol::{CloseFrame, Role, WebSocketConfig};
-use tokio_tungstenite::tungstenite::{Bytes, Message as Packet, Utf8Bytes};
+use tokio_tungstenite::tungstenite::{Message as Packet, Utf8Bytes};
 
 /// How long the server waits for a page. It sends something every two seconds, in the background of a browser once a minute.
 pub const PATIENCE: Patience = Patience {
@@ -56,6 +58,8 @@ pub(crate) async fn serve(stream: TcpStream, shared: &Shared) {
         sink,
         may_order: None,
         driven: None,
+        is_guest: false,
+        own: None,
         looks: std::array::from_fn(|_| None),
         told: [0; 3],
         rate: MessageRate::new(MAX_RATE, Instant::now().into_std()),
@@ -74,6 +78,10 @@ struct Page<'a> {
     may_order: Option<bool>,
     /// The vehicle that it drives, and when its pedals end.
     driven: Option<(VehicleId, Instant)>,
+    /// It has come as a guest.
+    is_guest: bool,
+    /// Its car, once the city has it.
+    own: Option<VehicleId>,
     looks: [Option<Look>; SLOTS],
     /// Versions of the texts that it has.
     told: [u64; 3],
@@ -144,8 +152,8 @@ impl Page<'_> {
             (None, _) | (Some(_), PageMessage::Hello { .. }) => {
                 Err(Parting::Invalid("hello comes first, once"))
             }
-            (Some(_), PageMessage::Look { slot, view, width, height }) => {
-                self.look(slot, view, [width, height]).await
+            (Some(_), PageMessage::Look { slot, view, width, height, h264 }) => {
+                self.look(slot, (view, h264 && IS_BUILT), [width, height]).await
             }
             (Some(_), PageMessage::Seen { slot }) => {
                 if let Some(Some(look)) = self.looks.get_mut(slot) {
@@ -172,7 +180,7 @@ impl Page<'_> {
         self.may_order = Some(may_order);
         let is_log = self.shared.control.head().is_some();
         let welcome = json!({ "t": "welcome", "version": env!("CARGO_PKG_VERSION"), "may_order": may_order, "is_log": is_log,
-            "has_pictures": self.shared.pictures.are_drawn(), "no_pictures": self.shared.pictures.failure() });
+            "guest": self.guest(), "has_h264": IS_BUILT, "has_pictures": self.shared.pictures.are_drawn(), "no_pictures": self.shared.pictures.failure() });
         self.send_text(welcome.to_string().into()).await?;
         let map = Utf8Bytes::from(&*self.shared.map);
         self.send_text(map).await
@@ -188,6 +196,8 @@ impl Page<'_> {
             PageMessage::Speed { factor } => control.order(Order::Speed(Speed::times(factor))),
             PageMessage::Seek { time_s } => control.seek(time_s),
             PageMessage::Release => self.release(),
+            PageMessage::Join => return self.join().await,
+            PageMessage::Leave => self.leave(),
             PageMessage::Drive { vehicle, pedals } => {
                 return self.drive(VehicleId(vehicle), pedals.pedals()).await;
             }
@@ -203,7 +213,9 @@ impl Page<'_> {
         if self.shared.control.head().is_some() {
             return self.say("this is a log: nobody drives in it").await;
         }
-        if !self.shared.control.drive(self.number, vehicle, pedals) {
+        if self.own == Some(vehicle) {
+            self.shared.control.guest(self.guest(), GuestAct::Drive(pedals));
+        } else if !self.shared.control.drive(self.number, vehicle, pedals) {
             return self.say("somebody else drives this vehicle").await;
         }
         self.driven = Some((vehicle, Instant::now() + PEDALS_TIMEOUT));
@@ -211,15 +223,40 @@ impl Page<'_> {
     }
 
     fn release(&mut self) {
-        if let Some((vehicle, _)) = self.driven.take() {
+        let Some((vehicle, _)) = self.driven.take() else { return };
+        if self.own == Some(vehicle) {
+            self.shared.control.guest(self.guest(), GuestAct::Release);
+        } else {
             self.shared.control.release(self.number, vehicle);
+        }
+    }
+
+    /// Its number as a guest: pages that are connected at once have different ones.
+    fn guest(&self) -> u16 {
+        (self.number % 0x1_0000) as u16
+    }
+
+    async fn join(&mut self) -> Result<(), Parting> {
+        if self.shared.control.head().is_some() {
+            return self.say("this is a log: nobody drives in it").await;
+        }
+        if !std::mem::replace(&mut self.is_guest, true) {
+            self.shared.control.guest(self.guest(), GuestAct::Join);
+        }
+        Ok(())
+    }
+
+    fn leave(&mut self) {
+        self.release();
+        if std::mem::take(&mut self.is_guest) {
+            self.shared.control.guest(self.guest(), GuestAct::Leave);
         }
     }
 
     async fn look(
         &mut self,
         slot: usize,
-        view: Option<crate::message::PageView>,
+        (view, is_video): (Option<PageView>, bool),
         extent: [u32; 2],
     ) -> Result<(), Parting> {
         let Some(place) = self.looks.get_mut(slot) else {
@@ -227,7 +264,7 @@ impl Page<'_> {
         };
         *place = None;
         let Some(view) = view else { return Ok(()) };
-        *place = self.shared.pictures.look(view, extent);
+        *place = self.shared.pictures.look(view, extent, is_video);
         if place.is_none() {
             return self.say("no more pictures can be drawn").await;
         }
@@ -235,7 +272,9 @@ impl Page<'_> {
     }
 
     async fn tell(&mut self, told: Option<Told>) -> Result<(), Parting> {
-        let Some(Told { roster, events, state }) = told else { return Ok(()) };
+        let Some(told) = told else { return Ok(()) };
+        self.own = told.car_of(self.guest()).filter(|_| self.is_guest);
+        let Told { roster, events, state, .. } = told;
         for (k, text) in [roster, events, state].into_iter().enumerate() {
             if self.told[k] != text.version {
                 if k == 2 && self.told[k] > 0 {
@@ -249,15 +288,21 @@ impl Page<'_> {
         Ok(())
     }
 
-    /// Sends a picture behind the number of its place on the page.
-    async fn show(&mut self, slot: u8, picture: Option<(Bytes, u64)>) -> Result<(), Parting> {
-        let Some((jpeg, skipped)) = picture else {
+    /// Sends a picture behind a byte with its place on the page (0 and 1) and its kind (JPEG 0, H.264: key frame 2, other
+    /// frame 4).
+    async fn show(&mut self, slot: u8, picture: Option<(Picture, u64)>) -> Result<(), Parting> {
+        let Some((picture, skipped)) = picture else {
             self.looks[usize::from(slot)] = None;
             return Ok(());
         };
-        let mut bytes = Vec::with_capacity(jpeg.len() + 1);
-        bytes.push(slot);
-        bytes.extend_from_slice(&jpeg);
+        let kind = match picture.kind {
+            PictureKind::Jpeg => 0,
+            PictureKind::KeyFrame => 2,
+            PictureKind::DeltaFrame => 4,
+        };
+        let mut bytes = Vec::with_capacity(picture.bytes.len() + 1);
+        bytes.push(slot + kind);
+        bytes.extend_from_slice(&picture.bytes);
         count(&self.shared.counters.pictures, 1);
         count(&self.shared.counters.skipped_pictures, skipped);
         self.send(Packet::Binary(bytes.into())).await
@@ -282,9 +327,9 @@ impl Page<'_> {
         }
     }
 
-    /// Hands its vehicle back, and says why it is disconnected where that may be heard.
+    /// Hands its vehicle back, takes its own away, and says why it is disconnected where that may be heard.
     async fn part(mut self, parting: Parting) {
-        self.release();
+        self.leave();
         let counters = &self.shared.counters.peers;
         let (counter, code, reason) = match parting {
             Parting::Gone => return,
@@ -312,7 +357,7 @@ fn parting_of(error: &tokio_tungstenite::tungstenite::Error) -> Parting {
 }
 
 /// The next picture of a look; waits for ever where nothing is looked at.
-async fn next_picture(look: &mut Option<Look>) -> Option<(Bytes, u64)> {
+async fn next_picture(look: &mut Option<Look>) -> Option<(Picture, u64)> {
     match look {
         Some(look) => look.next().await,
         None => std::future::pending().await,

@@ -1,9 +1,9 @@
 //! What all pages are told: JSON texts made once from the latest published state, however many pages there are. A page
 //! that is slow misses states; it never finds them queued.
 
-use city3d_protocol::snapshot::VehicleInfo;
+use city3d_protocol::snapshot::{VehicleId, VehicleInfo};
 use city3d_session::playback::{Playhead, TimelineMark};
-use city3d_session::{EventReader, RunState, Speed};
+use city3d_session::{EventReader, LinkStatus, RunState, Speed};
 use city3d_simulation::scenario::Experiment;
 use serde_json::{Value, json};
 use std::sync::Arc;
@@ -34,6 +34,16 @@ pub(crate) struct Told {
     pub roster: Versioned,
     pub events: Versioned,
     pub state: Versioned,
+    /// The link of the city, where it has one.
+    pub link: Option<Arc<LinkStatus>>,
+}
+
+impl Told {
+    /// The car of a guest of a page.
+    pub(crate) fn car_of(&self, guest: u16) -> Option<VehicleId> {
+        let guests = self.link.as_ref()?.page_guests.as_ref()?;
+        guests.iter().find(|known| known.number == guest)?.vehicle
+    }
 }
 
 /// Makes texts of states.
@@ -64,6 +74,7 @@ impl Feed {
             self.told.events.renew(&events(told, marks.len()));
         }
         self.told.state.renew(&run_state(state, pages, head));
+        self.told.link.clone_from(&state.link);
         self.told.clone()
     }
 }
@@ -142,11 +153,17 @@ fn run_state(state: &RunState, pages: u64, head: Option<Playhead>) -> Value {
     let ends: Vec<Value> =
         state.ends.iter().map(|end| json!([end.name, end.delivered, end.dropped, end.failure])).collect();
     let link = state.link.as_ref();
+    let guests = link.and_then(|link| link.page_guests.as_ref()).map(|guests| {
+        guests
+            .iter()
+            .map(|guest| json!([guest.number, guest.vehicle.map(|vehicle| vehicle.0), guest.trouble]))
+            .collect::<Vec<_>>()
+    });
     let log = head.map(|head| json!([rounded(head.from_s, 2), rounded(head.to_s, 2), rounded(head.at_s, 2)]));
     json!({ "t": "state", "run": state.run, "tick": state.now.tick, "time": rounded(state.now.time_s, 2),
         "phase": state.phase.label(), "speed": speed, "rate": rounded(state.real_time_factor, 2),
         "refusal": state.refusal.as_ref().map(|(count, why)| json!([count, &**why])),
         "leader": link.and_then(|link| link.leader.clone()),
         "link_dropped": link.map(|link| link.dropped), "keeps_speed": link.is_some(),
-        "log": log, "ended": state.has_ended, "pages": pages, "ends": ends, "vehicles": vehicles })
+        "guests": guests, "log": log, "ended": state.has_ended, "pages": pages, "ends": ends, "vehicles": vehicles })
 }

@@ -8,8 +8,14 @@ mod client;
 mod control;
 mod counters;
 mod feed;
+#[cfg(all(feature = "h264", feature = "render"))]
+mod h264;
+#[cfg(not(all(feature = "h264", feature = "render")))]
+#[path = "no_h264.rs"]
+mod h264;
 mod http;
 mod message;
+mod picture;
 #[cfg(feature = "render")]
 mod pictures;
 #[cfg(not(feature = "render"))]

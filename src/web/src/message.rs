@@ -34,12 +34,19 @@ pub(crate) enum PageMessage {
         pedals: PagePedals,
     },
     Release,
+    /// Comes as a guest, with a car of its own.
+    Join,
+    /// Goes as a guest, and takes its car along.
+    Leave,
     /// What to draw in one of the page's pictures.
     Look {
         slot: usize,
         view: Option<PageView>,
         width: u32,
         height: u32,
+        /// Pictures as H.264, where the server makes it.
+        #[serde(default)]
+        h264: bool,
     },
     /// The page has shown the last picture, and wants another one.
     Seen {

@@ -1,9 +1,9 @@
 //! Pictures, in a program that draws none.
 
 use crate::message::PageView;
+use crate::picture::Picture;
 use city3d_session::PublishedState;
 use std::sync::{Arc, OnceLock};
-use tokio_tungstenite::tungstenite::Bytes;
 
 #[derive(Debug)]
 pub(crate) struct Pictures;
@@ -24,7 +24,7 @@ impl Pictures {
         Some("this program was built without pictures".to_owned())
     }
 
-    pub(crate) fn look(&self, _: PageView, _: [u32; 2]) -> Option<Look> {
+    pub(crate) fn look(&self, _: PageView, _: [u32; 2], _: bool) -> Option<Look> {
         None
     }
 }
@@ -38,7 +38,7 @@ impl Look {
     }
 
     #[allow(clippy::unused_async, reason = "the same call with and without pictures")]
-    pub(crate) async fn next(&mut self) -> Option<(Bytes, u64)> {
+    pub(crate) async fn next(&mut self) -> Option<(Picture, u64)> {
         match *self {}
     }
 }

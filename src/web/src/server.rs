@@ -198,6 +198,7 @@ async fn tell(shared: &Shared) {
     let (mut feed, mut last) = (Feed::default(), None);
     loop {
         looks.tick().await;
+        shared.control.catch_up();
         let pages = shared.counters.counts().peers.connected;
         let Some(state) = shared.state.get().map(PublishedState::run_state) else { continue };
         let is_new =

@@ -1,8 +1,10 @@
 #!/usr/bin/env python3
 """A client of a city in Foxglove's WebSocket protocol, with Foxglove's own definitions of messages.
 
-scene.py URL PICTURE    connects with the address with the token, reads scene, transforms, pictures and the log's messages, writes
-                           one picture to PICTURE, and prints one line a finding; fails where something is not as it should be
+scene.py URL PICTURE          connects with the address with the token, reads scene, transforms, pictures and the log's messages,
+                              writes one picture to PICTURE, and prints one line a finding; fails where something is not as
+                              it should be
+scene.py URL PICTURE --look   reads and writes pictures alone
 """
 
 import asyncio
@@ -87,9 +89,33 @@ async def steadiness(client):
           f"{quantile(late_ms, 0.5):.1f} ms (p50), {quantile(late_ms, 0.99):.1f} ms (p99)")
 
 
-async def talk(url, path):
+async def look(client, name, path):
+    """Pictures of the windscreen of a vehicle: their calibration, and how often they come."""
+    for topic in (f"/{name}/windscreen/image", f"/{name}/windscreen/calibration"):
+        await client.subscribe(topic)
+    begun = time.monotonic()
+    _, calibration = await client.until(f"/{name}/windscreen/calibration")
+    _, image = await client.until(f"/{name}/windscreen/image")
+    first_s = time.monotonic() - begun
+    assert image.format == "jpeg" and image.data[:2] == b"\xff\xd8" and image.frame_id == f"{name}/windscreen"
+    assert calibration.width > 100 and calibration.K[2] == (calibration.width - 1) / 2, calibration
+    count, end = 0, time.monotonic() + 5
+    while time.monotonic() < end:
+        topic, _, content = await client.heard()
+        if topic == f"/{name}/windscreen/image":
+            count, image = count + 1, content
+    with open(path, "wb") as file:
+        file.write(image.data)
+    print(f"a picture of {len(image.data) // 1024} KiB after {first_s:.1f} s, then {count / 5:.1f} a second; f = {calibration.K[0]:.0f}")
+    assert count >= 3
+
+
+async def talk(url, path, only_looks):
     async with websockets.connect(url, subprotocols=["foxglove.sdk.v1"], max_size=None) as socket:
         client = Client(socket)
+        if only_looks:
+            await look(client, "path1_a", path)
+            return
         await client.subscribe("/city3d/map")
         _, roads = await client.until("/city3d/map")
         lanes = roads.entities[0].triangles
@@ -106,23 +132,7 @@ async def talk(url, path):
         _, command = await client.until("/city3d/network")
         print(f"scene and transforms of {sorted(names)}; snapshot of tick {snapshot.tick}, command of {command.sender}")
         await steadiness(client)
-        name = sorted(names)[0]
-        for topic in (f"/{name}/windscreen/image", f"/{name}/windscreen/calibration"):
-            await client.subscribe(topic)
-        begun = time.monotonic()
-        _, calibration = await client.until(f"/{name}/windscreen/calibration")
-        _, image = await client.until(f"/{name}/windscreen/image")
-        first_s = time.monotonic() - begun
-        assert image.format == "jpeg" and image.data[:2] == b"\xff\xd8" and image.frame_id == f"{name}/windscreen"
-        assert calibration.width > 100 and calibration.K[2] == (calibration.width - 1) / 2, calibration
-        with open(path, "wb") as file:
-            file.write(image.data)
-        count, end = 0, time.monotonic() + 5
-        while time.monotonic() < end:
-            topic, _, _ = await client.heard()
-            count += topic == f"/{name}/windscreen/image"
-        print(f"a picture of {len(image.data) // 1024} KiB after {first_s:.1f} s, then {count / 5:.1f} a second; f = {calibration.K[0]:.0f}")
-        assert count >= 3
+        await look(client, sorted(names)[0], path)
 
 
-asyncio.run(talk(*sys.argv[1:3]))
+asyncio.run(talk(*sys.argv[1:3], "--look" in sys.argv))

@@ -147,7 +147,7 @@ impl RemoteCity {
         name: String,
         host: Host,
     ) -> Result<Self, SessionError> {
-        let car = GuestCar::new(Arc::clone(&experiment), name);
+        let car = GuestCar::new(&experiment, name);
         Self::open(options, experiment, Role::Visit(Box::new(car)), host)
     }
 

@@ -2,6 +2,7 @@
 
 use super::connection::ORDER_INTERVAL;
 use super::{RemoteCity, Role, Stage};
+use crate::guests::NO_GUESTS;
 use crate::source::{Now, Pace, Source, Step};
 use crate::{Inputs, LinkStatus, Order, Orders, RunPhase, SessionError};
 use city3d_control::Mainframe;
@@ -86,6 +87,7 @@ impl Source for RemoteCity {
             (Order::Drive(vehicle, _), Role::Visit(_)) => {
                 Err(format!("vehicle {vehicle} is not yours: you drive the car that you have brought"))
             }
+            (Order::Guest(..), _) => Err(NO_GUESTS.to_owned()),
             (Order::Drive(..), _) => {
                 Err("here you watch; city3d view --city ADDR --guest brings a car of your own".to_owned())
             }

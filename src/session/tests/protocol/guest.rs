@@ -4,8 +4,8 @@ use crate::compare::assert_same;
 use crate::lab::{Director, Lab, Program, scenario, serving};
 use city3d_network::simulated::SimulatedOptions;
 use city3d_protocol::snapshot::{Pedals, Status, VehicleId};
-use city3d_session::Order;
 use city3d_session::served::ServeOptions;
+use city3d_session::{GuestAct, Order};
 use city3d_simulation::scenario::Experiment;
 use std::sync::Arc;
 
@@ -69,6 +69,25 @@ fn a_guest_that_leaves_takes_its_car_with_it() {
 }
 
 #[test]
+fn guests_of_the_same_name_have_cars_of_their_own() {
+    let lab = Lab::new(SimulatedOptions::default());
+    let experiment = scenario("roundabout", 60.0);
+    let city = lab.serve(&experiment, ServeOptions { guests: 2, ..serving() }, None);
+    lab.direct(move |director| {
+        let guest = director.lab.guest("guest", &experiment);
+        let first = car_of(director, &guest);
+        city.order(Order::Guest(7, GuestAct::Join));
+        let named = |told: &crate::lab::Told| {
+            told.snapshot.roster.iter().map(|info| info.name.clone()).collect::<Vec<_>>()
+        };
+        let seen = director.until(&city, "both", |told| named(told).len() == 2);
+        assert_eq!(named(&seen), ["guest", "guest_2"]);
+        assert!(seen.snapshot.vehicle(first).is_some());
+        [guest, city].iter().for_each(|program| director.end(program));
+    });
+}
+
+#[test]
 fn a_guest_without_room_is_told_why_and_disturbs_nobody() {
     let experiment = scenario("roundabout", 7.0);
     let run = |has_visitor: bool| {
@@ -122,5 +141,54 @@ fn the_vehicles_of_the_mainframe_wait_behind_a_guest_who_stands() {
         guest.order(Order::Drive(car, Pedals { gas: 0.4, ..Pedals::default() }));
         director.until(&city, "it goes on behind the guest", |told| told.vehicle(first).speed_mps > 2.0);
         [far, guest, city].iter().for_each(|program| director.end(program));
+    });
+}
+
+#[test]
+fn a_guest_of_the_page_has_a_car_of_its_own_while_there_is_room_and_takes_it_along() {
+    let lab = Lab::new(SimulatedOptions::default());
+    let experiment = scenario("roundabout", 60.0);
+    let city = lab.serve(&experiment, ServeOptions { guests: 1, ..serving() }, None);
+    let far = lab.mainframe(&experiment, None);
+    lab.direct(move |director| {
+        let begun = director.until(&city, "do they drive", |told| told.driving() >= 5);
+        let guest_of = |link: &city3d_session::LinkStatus, number| {
+            link.page_guests.iter().flatten().find(|guest| guest.number == number).cloned()
+        };
+        city.order(Order::Guest(7, GuestAct::Join));
+        let inside = |number| {
+            move |link: &city3d_session::LinkStatus| {
+                guest_of(link, number).is_some_and(|guest| guest.vehicle.is_some())
+            }
+        };
+        let link = director.until_link(&city, "the car is there", inside(7));
+        let car = guest_of(&link, 7).unwrap().vehicle.unwrap();
+        let there = director.until(&city, "the car", |told| told.snapshot.vehicle(car).is_some());
+        assert_eq!(there.snapshot.info(car).unwrap().name, "guest");
+        assert!(begun.snapshot.vehicle(car).is_none());
+
+        let gas = GuestAct::Drive(Pedals { gas: 0.4, ..Pedals::default() });
+        let drives = director.wait("the car moves", || {
+            city.order(Order::Guest(7, gas));
+            Some(city.last()).filter(|told| told.vehicle(car).speed_mps > 1.5)
+        });
+        assert_eq!(drives.vehicle(car).status, Status::Manual);
+        assert_eq!(link.leader, city.desk().link.as_ref().unwrap().leader, "guests lead nothing");
+
+        // A second one waits outside, also while the first one drives no more.
+        city.order(Order::Guest(8, GuestAct::Join));
+        city.order(Order::Guest(7, GuestAct::Release));
+        director.until(&city, "the car brakes", |told| told.vehicle(car).speed_mps.abs() < 0.01);
+        director.pass(5.0);
+        let link = city.desk().link.clone().unwrap();
+        assert!(guest_of(&link, 8).unwrap().trouble.unwrap().contains("--guests"), "it says what would help");
+        assert_eq!(guest_of(&link, 7).unwrap().vehicle, Some(car));
+
+        city.order(Order::Guest(7, GuestAct::Leave));
+        director.until(&city, "the car is gone", |told| told.snapshot.vehicle(car).is_none());
+        let link = director.until_link(&city, "the second one is let in", inside(8));
+        assert_eq!(guest_of(&link, 7), None);
+        director.until(&city, "its car", |told| told.snapshot.vehicle(car).is_some());
+        [far, city].iter().for_each(|program| director.end(program));
     });
 }

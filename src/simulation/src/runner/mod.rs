@@ -20,7 +20,7 @@ pub use observer::{LaneUse, Observer, VehicleTotals};
 pub use outcome::{MergingStreams, RunMetrics, TrafficMetrics};
 pub use poses::pose_bodies;
 pub use server_world::{
-    AppliedBody, MOTION_CAPTURE, OPERATOR, SenderNumber, ServerRules, ServerWorld, TOPICS,
+    AppliedBody, FIRST_PAGE_GUEST, MOTION_CAPTURE, OPERATOR, SenderNumber, ServerRules, ServerWorld, TOPICS,
 };
 pub use summary::{
     ArrivalSummary, EndSummary, LinkSummary, PicturesSummary, RosSummary, Summary, TickLateness,

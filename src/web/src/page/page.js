@@ -5,6 +5,8 @@ const LARGE = 0, SMALL = 1;
 const token = location.hash.slice(1);
 let socket = null, mayOrder = false, hasPictures = false, offered = token, wait = 250;
 let isLog = false, told = null;
+// As a guest: the page's number, whether it has joined, its car, and what it was told of the car.
+let guest = null, isJoined = false, own = null, toldTrouble = null;
 let map = null, state = null, roster = new Map(), selected = null, sortBy = 'id', sortDown = false, refusals = null;
 const camera = { x: 0, y: 0, scale: 1, isSet: false, isMoved: false };
 const orbit = { azimuth: 220, elevation: 35, distance: 120 };
@@ -22,7 +24,7 @@ function notice(text) {
 
 function connect() {
   socket = new WebSocket(`ws://${location.host}/socket`);
-  socket.binaryType = 'blob';
+  socket.binaryType = 'arraybuffer';
   socket.onopen = () => send({ t: 'hello', token: offered || null });
   socket.onmessage = (event) => typeof event.data === 'string' ? hear(JSON.parse(event.data)) : show(event.data);
   socket.onclose = (event) => {
@@ -31,6 +33,7 @@ function connect() {
       notice('The token of this address is not that of the city: this page watches. Open the address that the city prints.');
     }
     stopDriving();
+    [isJoined, own] = [false, null];
     $('status').textContent = 'no connection; trying again';
     setTimeout(connect, wait);
     wait = Math.min(2 * wait, 4000);
@@ -40,7 +43,7 @@ function connect() {
 function hear(message) {
   if (message.t === 'welcome') {
     wait = 250;
-    [mayOrder, hasPictures, isLog] = [message.may_order, message.has_pictures, message.is_log];
+    [mayOrder, hasPictures, isLog, guest] = [message.may_order, message.has_pictures, message.is_log, message.guest];
     for (const id of ['start', 'pause', 'reset', 'speed', 'seek']) $(id).disabled = !mayOrder;
     $('start').textContent = isLog ? 'Play' : 'Start';
     $('timeline').hidden = !isLog;
@@ -49,7 +52,7 @@ function hear(message) {
     $('mode').disabled = !hasPictures;
     if (message.no_pictures) notice(`No pictures: ${message.no_pictures}`);
     refusals = null;
-    look();
+    canDecode.then((can) => { hasVideo = can && message.has_h264 && !hasVideoFailed; look(); });
   } else if (message.t === 'map') {
     map = message;
     $('scenario').textContent = map.scenario;
@@ -65,6 +68,7 @@ function hear(message) {
     state = message;
     requestAnimationFrame(draw);
     tell();
+    followGuest();
   } else if (message.t === 'notice') {
     notice(message.text);
   } else if (message.t === 'pong') {
@@ -74,18 +78,63 @@ function hear(message) {
 
 // Pictures
 
-const shownUrl = [null, null];
-async function show(blob) {
-  const slot = new Uint8Array(await blob.slice(0, 1).arrayBuffer())[0];
-  const image = slot === LARGE ? $('large') : $('small');
-  const url = URL.createObjectURL(blob.slice(1, blob.size, 'image/jpeg'));
-  image.src = url;
-  try { await image.decode(); } catch { /* another one has taken its place */ }
-  if (shownUrl[slot]) URL.revokeObjectURL(shownUrl[slot]);
-  shownUrl[slot] = url;
-  image.dataset.pictures = Number(image.dataset.pictures || 0) + 1;
+const PLACES = ['large', 'small'];
+
+// Before a picture come its place (bit 0) and its kind: JPEG, or a key frame or another frame of H.264.
+async function show(buffer) {
+  const head = new Uint8Array(buffer)[0], slot = head & 1, kind = head >> 1;
+  const bytes = new Uint8Array(buffer, 1);
+  if (kind > 0) return decode(slot, kind === 1 ? 'key' : 'delta', bytes);
+  paint(slot, await createImageBitmap(new Blob([bytes], { type: 'image/jpeg' })), 'jpeg');
+}
+
+function paint(slot, picture, codec) {
+  const canvas = $(PLACES[slot]);
+  const [width, height] = [picture.displayWidth ?? picture.width, picture.displayHeight ?? picture.height];
+  if (canvas.width !== width || canvas.height !== height) [canvas.width, canvas.height] = [width, height];
+  canvas.getContext('2d', { alpha: false }).drawImage(picture, 0, 0);
+  picture.close();
+  canvas.dataset.pictures = Number(canvas.dataset.pictures || 0) + 1;
+  canvas.dataset.codec = codec;
+  canvas.dispatchEvent(new Event('picture'));
   window.firstPicture ??= performance.now();
   send({ t: 'seen', slot });
+}
+
+// H.264 where the browser decodes it (WebCodecs, which pages have from this machine or by a tunnel alone) and the server
+// makes it. Whatever goes wrong with it, the page goes on with JPEG.
+const DECODER = { codec: 'avc1.42E028', optimizeForLatency: true };
+const DECODER_PATIENCE_MS = 3000;
+const decoders = [null, null], overdue = [0, 0];
+let hasVideo = false, hasVideoFailed = false, frames = 0;
+const canDecode = (async () => {
+  try { return (await VideoDecoder.isConfigSupported(DECODER)).supported; } catch { return false; }
+})();
+
+function decode(slot, type, data) {
+  if (!hasVideo) return;
+  try {
+    decoders[slot] ??= openDecoder(slot);
+    clearTimeout(overdue[slot]);
+    overdue[slot] = setTimeout(endVideo, DECODER_PATIENCE_MS);
+    decoders[slot].decode(new EncodedVideoChunk({ type, timestamp: (frames += 1) * 33333, data }));
+  } catch { endVideo(); }
+}
+
+function openDecoder(slot) {
+  const output = (frame) => { clearTimeout(overdue[slot]); paint(slot, frame, 'h264'); };
+  const decoder = new VideoDecoder({ output, error: endVideo });
+  decoder.configure(DECODER);
+  return decoder;
+}
+
+function endVideo() {
+  if (!hasVideo) return;
+  [hasVideo, hasVideoFailed] = [false, true];
+  overdue.forEach((timer) => clearTimeout(timer));
+  for (const decoder of decoders) if (decoder && decoder.state !== 'closed') decoder.close();
+  decoders.fill(null);
+  look();
 }
 
 function size(image, aspect) {
@@ -109,7 +158,7 @@ function look(slot) {
   if (slot === undefined) { asked.fill(''); look(LARGE); look(SMALL); return; }
   if (!hasPictures) return;
   const view = slot === LARGE ? largeView() : selected === null ? null : { mode: 'onboard', vehicle: selected };
-  const message = { t: 'look', slot, view, ...(slot === LARGE ? size($('large'), 16 / 9) : size($('small'), 4 / 3)) };
+  const message = { t: 'look', slot, view, h264: hasVideo, ...(slot === LARGE ? size($('large'), 16 / 9) : size($('small'), 4 / 3)) };
   const text = JSON.stringify(message);
   if (text !== asked[slot]) { asked[slot] = text; send(message); }
 }
@@ -253,6 +302,10 @@ addEventListener('resize', () => {
   look();
 });
 
+function clear(canvas) {
+  canvas.getContext('2d', { alpha: false }).clearRect(0, 0, canvas.width, canvas.height);
+}
+
 // Table, numbers and events
 
 function select(id) {
@@ -260,7 +313,7 @@ function select(id) {
   selected = id;
   $('selected').textContent = roster.get(id)?.name ?? `vehicle ${id}`;
   $('drive').disabled = !mayOrder;
-  $('small').removeAttribute('src');
+  clear($('small'));
   look(SMALL);
   look(LARGE);
   tabulate();
@@ -389,15 +442,16 @@ const PEDAL_KEYS = { KeyW: 'gas', ArrowUp: 'gas', KeyS: 'brake', ArrowDown: 'bra
   KeyD: 'right', ArrowRight: 'right', Space: 'handbrake', KeyR: 'reverse' };
 const MAX_STEERING_RAD = 0.5, STEERING_RADPS = 1.2;
 
-$('drive').onclick = () => {
-  if (driven !== null) return stopDriving();
+$('drive').onclick = () => driven === null ? drive() : stopDriving();
+
+function drive() {
   driven = selected;
   steering = 0;
   $('drive').setAttribute('aria-pressed', 'true');
   $('pad').hidden = false;
   notice(matchMedia('(pointer: coarse)').matches ? '' : 'W gas, S brake, A and D steer, Space handbrake, R held reverse, Esc ends');
   $('drive').blur();
-};
+}
 
 function stopDriving() {
   if (driven === null) return;
@@ -410,6 +464,43 @@ function stopDriving() {
   $('pad').hidden = true;
   $('reverse').setAttribute('aria-pressed', 'false');
   $('drive').setAttribute('aria-pressed', 'false');
+}
+
+// A guest's car: it comes when the city has room, is driven at once, and goes with its page.
+$('join').onclick = () => {
+  notice('');
+  isJoined = !isJoined;
+  toldTrouble = null;
+  if (!isJoined && driven === own) stopDriving();
+  send({ t: isJoined ? 'join' : 'leave' });
+  $('join').blur();
+  followGuest();
+};
+
+function followGuest() {
+  $('join').hidden = isLog || !mayOrder || !state?.guests;
+  $('join').textContent = isJoined ? 'Leave with my car' : 'Join with a car of my own';
+  const [, car, trouble] = isJoined ? state?.guests?.find(([number]) => number === guest) ?? [] : [];
+  if (trouble && trouble !== toldTrouble) notice(`${trouble}.`);
+  toldTrouble = trouble ?? null;
+  const isThere = state?.vehicles.some(([id]) => id === car);
+  if (own === (isThere ? car : null)) return;
+  const before = own;
+  own = isThere ? car : null;
+  if (own !== null) {
+    notice('');
+    if (hasPictures) $('mode').value = 'chase';
+    select(own);
+    drive();
+  } else if (selected === before) {
+    stopDriving();
+    selected = null;
+    $('selected').textContent = 'Select a vehicle';
+    $('drive').disabled = true;
+    clear($('small'));
+    if ($('mode').value === 'chase') clear($('large'));
+    look();
+  }
 }
 
 addEventListener('keydown', (event) => {

@@ -3,6 +3,7 @@
 #![allow(clippy::unwrap_used, reason = "a test may end where it finds something wrong")]
 #![allow(clippy::disallowed_types, reason = "connects to a server on this machine")]
 
+mod guest;
 mod log;
 mod peer;
 mod slow;

@@ -1,8 +1,9 @@
 //! A city with a page, and pages that are connected to it.
 
 use city3d_network::listener::Patience;
-use city3d_session::{Host, LocalCity, Session, SessionHandle, Token};
-use city3d_simulation::scenario::ScenarioRequest;
+use city3d_session::served::{ServeOptions, ServedCity};
+use city3d_session::{Host, LocalCity, Session, SessionHandle, Source, Token};
+use city3d_simulation::scenario::{Experiment, ScenarioRequest};
 use city3d_web::{PATIENCE, PageOrders, WebOptions, WebServer};
 use futures_util::{SinkExt, StreamExt};
 use serde_json::{Value, json};
@@ -31,10 +32,26 @@ pub fn city() -> City {
 
 /// Any scenario, with a patience of the page's server.
 pub fn city_with(scenario: &str, patience: Patience) -> City {
+    let experiment = load(scenario);
+    let city = LocalCity::new(Arc::clone(&experiment), Host::system()).unwrap();
+    paged(city, experiment, patience)
+}
+
+/// The roundabout, served without a control framework to this many guests.
+pub fn served_city(guests: usize) -> City {
+    let experiment = load("roundabout");
+    let options = ServeOptions { guests, ..ServeOptions::at("127.0.0.1:0") };
+    let city = ServedCity::open(options, Experiment::clone(&experiment), None, Host::system()).unwrap();
+    paged(city, experiment, PATIENCE)
+}
+
+fn load(scenario: &str) -> Arc<Experiment> {
     let request = ScenarioRequest { scenario: scenario.to_owned(), ..ScenarioRequest::default() };
-    let experiment = city3d_session::load(&request).unwrap();
-    let host = Host::system();
-    let session = Session::new(LocalCity::new(Arc::clone(&experiment), host.clone()).unwrap(), host);
+    city3d_session::load(&request).unwrap()
+}
+
+fn paged(city: impl Source + 'static, experiment: Arc<Experiment>, patience: Patience) -> City {
+    let session = Session::new(city, Host::system());
     let token = Token::draw().unwrap();
     let text = token.text().to_owned();
     let orders = PageOrders::City(session.orders().unwrap());

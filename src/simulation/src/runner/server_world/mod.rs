@@ -38,6 +38,9 @@ pub const OPERATOR: SenderNumber = SenderNumber::MAX;
 /// Number that stands for a control framework whose trajectories come by topics, such as over ROS 2.
 pub const TOPICS: SenderNumber = SenderNumber::MAX - 1;
 
+/// Guests of the city's own web page have the numbers from here up to [`TOPICS`].
+pub const FIRST_PAGE_GUEST: SenderNumber = TOPICS - 65_536;
+
 /// Permissions of senders.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct ServerRules {
@@ -50,7 +53,8 @@ pub struct ServerRules {
 /// A body that a tick has applied, with its sender, as a log keeps it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct AppliedBody {
-    /// [`MOTION_CAPTURE`] for measured poses, [`OPERATOR`] for the city's own window, [`TOPICS`] for topics.
+    /// [`MOTION_CAPTURE`] for measured poses, [`OPERATOR`] for the city's own window, [`TOPICS`] for topics, from
+    /// [`FIRST_PAGE_GUEST`] on for guests of the city's own web page.
     pub sender: SenderNumber,
     /// As it was carried out: a setup may have been moved back to free space.
     pub body: Body,
@@ -295,7 +299,8 @@ impl ServerWorld {
         self.leader.into_iter().chain(self.vehicles.values().map(|owned| owned.owner))
     }
 
-    fn note_activity(&mut self, sender: SenderNumber, now_s: f64) {
+    /// Notes that a sender is there at a wall-clock time, as each of its bodies does.
+    pub fn note_activity(&mut self, sender: SenderNumber, now_s: f64) {
         if let Some(known) = self.known.get_mut(&sender) {
             known.last_heard_s = now_s;
         }
