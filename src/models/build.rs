@@ -12,7 +12,8 @@ fn main() -> io::Result<()> {
     let out = env::var_os("OUT_DIR").ok_or_else(|| io::Error::other("OUT_DIR is not set"))?;
     for entry in fs::read_dir(FOLDER)? {
         let path = entry?.path();
-        let Some(name) = path.file_name().filter(|_| path.extension().is_some_and(|ending| ending == "glb")) else {
+        let Some(name) = path.file_name().filter(|_| path.extension().is_some_and(|ending| ending == "glb"))
+        else {
             continue;
         };
         let compressed = miniz_oxide::deflate::compress_to_vec_zlib(&fs::read(&path)?, LEVEL);

@@ -107,7 +107,8 @@ impl VehicleModels {
         });
         let own_body = match &fitted.near_body {
             Some(parts) => {
-                let is_seen = |part: &&MeshPrimitive| !UNSEEN_FROM_INSIDE.contains(&part.material.name.as_str());
+                let is_seen =
+                    |part: &&MeshPrimitive| !UNSEEN_FROM_INSIDE.contains(&part.material.name.as_str());
                 VehicleMesh::new(parts.iter().filter(is_seen))
             }
             None => body.clone(),

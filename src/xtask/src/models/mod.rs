@@ -161,7 +161,10 @@ mod tests {
     #[test]
     fn the_shipped_files_are_what_is_made_here() {
         for (name, model) in made() {
-            assert!(shipped(name) == Some(write(&model).as_slice()), "run: cargo xtask generate models ({name})");
+            assert!(
+                shipped(name) == Some(write(&model).as_slice()),
+                "run: cargo xtask generate models ({name})"
+            );
         }
         assert_eq!(made().len(), SHIPPED.len());
     }
