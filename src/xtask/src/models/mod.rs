@@ -162,7 +162,7 @@ mod tests {
     fn the_shipped_files_are_what_is_made_here() {
         for (name, model) in made() {
             assert!(
-                shipped(name) == Some(write(&model).as_slice()),
+                shipped(&name) == Some(write(&model).as_slice()),
                 "run: cargo xtask generate models ({name})"
             );
         }
