@@ -34,8 +34,9 @@ quiet() {
 VK_LOADER_DEBUG=layer "$city3d" frames roundabout --camera overhead --size 16x16 --duration 0.01 --out "$folder/probe" 2>&1 \
     | grep -q VK_LAYER_KHRONOS_validation || die "the validation layer is not loaded"
 for quality in low medium high ultra; do
-    for time in noon night; do
-        quiet "$quality at $time" "$city3d" frames city --adapter software --quality "$quality" --time "$time" \
+    for light in "noon clear" "night rain"; do
+        read -r time weather <<<"$light"
+        quiet "$quality, $light" "$city3d" frames city --adapter software --quality "$quality" --time "$time" --weather "$weather" \
             --camera windscreen --camera chase --camera orbit --vehicle 1 --vehicle 2 --kind rgb,depth,semantic,instance --flow --size 160x120 \
             --from 1 --every 0.5 --duration 1.5 --out "$folder/$quality-$time"
     done

@@ -1,6 +1,6 @@
 //! Model files: what is shipped is what the command writes, and what is broken is refused by name.
 
-use city3d_models::{MeshPrimitive, Model, SHIPPED, glb, is_other_lod};
+use city3d_models::{MeshPrimitive, Model, SHIPPED, glb, is_other_lod, shipped};
 use city3d_protocol::snapshot::BodyType;
 use city3d_roadmap::dxf::EntityShape;
 use glam::{DVec2, Vec3};
@@ -42,7 +42,8 @@ fn the_shipped_models_are_what_the_command_writes() {
 
 #[test]
 fn every_shipped_model_can_be_read_and_is_of_its_measures() {
-    for (name, bytes) in SHIPPED {
+    for name in SHIPPED {
+        let bytes = shipped(name).expect("it is shipped");
         let model = glb::read(bytes).unwrap_or_else(|error| panic!("{name}: {error}"));
         if model.node("body").is_some() {
             let [low, high] = model.bounds(|node| !is_other_lod(node)).unwrap();
@@ -77,7 +78,7 @@ fn hit([a, b, c]: [Vec3; 3], from: Vec3, along: Vec3) -> Option<(f32, bool)> {
 
 #[test]
 fn nobody_looks_through_a_slit_between_body_and_cabin() {
-    let cars = SHIPPED.iter().filter_map(|(name, bytes)| Some((name, glb::read(bytes).ok()?)));
+    let cars = SHIPPED.iter().filter_map(|name| Some((name, glb::read(shipped(name)?).ok()?)));
     let cars: Vec<_> = cars.filter(|(_, model)| model.node("body").is_some()).collect();
     assert!(cars.len() >= 4);
     for (name, model) in cars {
@@ -102,7 +103,8 @@ fn nobody_looks_through_a_slit_between_body_and_cabin() {
 
 #[test]
 fn cars_in_front_are_closed_at_every_distance() {
-    for (name, bytes) in SHIPPED {
+    for name in SHIPPED {
+        let bytes = shipped(name).expect("it is shipped");
         let Ok(model) = glb::read(bytes) else { continue };
         for node in ["far_body", "farther_body"].into_iter().filter(|node| model.node(node).is_some()) {
             let triangles = triangles(&model, node);

@@ -3,7 +3,7 @@
 use super::say::say;
 use super::{Failure, create_folder, on_end};
 use city3d_geometry::Length;
-use city3d_models::SHIPPED;
+use city3d_models::{SHIPPED, shipped};
 use city3d_outputs::WholeFile;
 use city3d_roadmap::{Grid, GridControl, GridSize};
 use city3d_simulation::scenario::{Library, grid_scenario};
@@ -82,12 +82,12 @@ pub fn generate(args: &GenerateArgs) -> Result<(), Failure> {
         }
         GenerateCommand::Models { out } => {
             let stop = on_end()?;
-            for (done, (name, bytes)) in SHIPPED.iter().enumerate() {
+            for (done, name) in SHIPPED.into_iter().enumerate() {
                 if stop.load(Ordering::Relaxed) {
                     let all = SHIPPED.len();
                     return Err(Failure::failed(format!("stopped after {done} of {all} models")));
                 }
-                write(&out.join(name), bytes)?;
+                write(&out.join(name), shipped(name).unwrap_or_default())?;
             }
             Ok(())
         }

@@ -73,7 +73,7 @@ pub fn is_for_clear_glass(material: &str) -> bool {
         "bus_seat",
         "pole",
     ];
-    PARTS.contains(&material)
+    PARTS.contains(&material.split('.').next().unwrap_or_default())
 }
 
 fn is_body(node: &ModelNode) -> bool {

@@ -1,5 +1,8 @@
 //! The embedded models, written by `cargo xtask generate models`.
 
+use miniz_oxide::inflate::decompress_to_vec_zlib;
+use std::sync::OnceLock;
+
 /// File names of street furniture.
 pub const BENCH: &str = "bench.glb";
 /// File name of the table with two benches.
@@ -13,25 +16,52 @@ pub const FUEL_PUMP: &str = "fuel_pump.glb";
 /// File names of all street furniture.
 pub const FURNITURE: [&str; 5] = [BENCH, PICNIC_TABLE, LAMP, BIN, FUEL_PUMP];
 
-/// Names of files and their bytes.
-pub const SHIPPED: [(&str, &[u8]); 14] = [
-    ("sedan.glb", include_bytes!("../../../assets/models/sedan.glb")),
-    ("hatchback.glb", include_bytes!("../../../assets/models/hatchback.glb")),
-    ("suv.glb", include_bytes!("../../../assets/models/suv.glb")),
-    ("van.glb", include_bytes!("../../../assets/models/van.glb")),
-    ("pickup.glb", include_bytes!("../../../assets/models/pickup.glb")),
-    ("bus.glb", include_bytes!("../../../assets/models/bus.glb")),
-    ("truck.glb", include_bytes!("../../../assets/models/truck.glb")),
-    ("taxi.glb", include_bytes!("../../../assets/models/taxi.glb")),
-    ("estate.glb", include_bytes!("../../../assets/models/estate.glb")),
-    (BENCH, include_bytes!("../../../assets/models/bench.glb")),
-    (PICNIC_TABLE, include_bytes!("../../../assets/models/picnic_table.glb")),
-    (LAMP, include_bytes!("../../../assets/models/lamp.glb")),
-    (BIN, include_bytes!("../../../assets/models/bin.glb")),
-    (FUEL_PUMP, include_bytes!("../../../assets/models/fuel_pump.glb")),
+macro_rules! compressed {
+    ($name:literal) => {
+        include_bytes!(concat!(env!("OUT_DIR"), "/", $name)).as_slice()
+    };
+}
+
+/// Names of the files.
+pub const SHIPPED: [&str; 14] = [
+    "sedan.glb",
+    "hatchback.glb",
+    "suv.glb",
+    "van.glb",
+    "pickup.glb",
+    "bus.glb",
+    "truck.glb",
+    "taxi.glb",
+    "estate.glb",
+    BENCH,
+    PICNIC_TABLE,
+    LAMP,
+    BIN,
+    FUEL_PUMP,
 ];
 
-/// The bytes of a model by its file's name.
+/// The files in the order of `SHIPPED`, compressed by `build.rs`. A static, for each crate that uses a constant gets a copy of it.
+static COMPRESSED: [&[u8]; SHIPPED.len()] = [
+    compressed!("sedan.glb"),
+    compressed!("hatchback.glb"),
+    compressed!("suv.glb"),
+    compressed!("van.glb"),
+    compressed!("pickup.glb"),
+    compressed!("bus.glb"),
+    compressed!("truck.glb"),
+    compressed!("taxi.glb"),
+    compressed!("estate.glb"),
+    compressed!("bench.glb"),
+    compressed!("picnic_table.glb"),
+    compressed!("lamp.glb"),
+    compressed!("bin.glb"),
+    compressed!("fuel_pump.glb"),
+];
+
+/// The bytes of a model by its file's name. They are decompressed once, when they are first asked for.
 pub fn shipped(name: &str) -> Option<&'static [u8]> {
-    SHIPPED.iter().find(|(shipped, _)| *shipped == name).map(|(_, bytes)| *bytes)
+    static FILES: [OnceLock<Vec<u8>>; SHIPPED.len()] = [const { OnceLock::new() }; SHIPPED.len()];
+    let index = SHIPPED.iter().position(|shipped| *shipped == name)?;
+    // A test makes sure that they can be decompressed.
+    Some(FILES[index].get_or_init(|| decompress_to_vec_zlib(COMPRESSED[index]).unwrap_or_default()))
 }

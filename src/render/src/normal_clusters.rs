@@ -26,9 +26,10 @@ impl NormalCluster {
         self.indices = self.indices.start + start..self.indices.end + start;
     }
 
-    /// Whether all triangles certainly face away from an eye that is at most `reach_m` from every corner.
-    pub(super) fn is_backfacing(&self, eye: Vec3, reach_m: f32) -> bool {
-        self.normal.dot(eye) - self.least_m + self.spread * reach_m < 0.0
+    /// Whether all triangles certainly face away from an eye that is at most `reach_m` from every corner, and would from a
+    /// place `slack_m` nearer to their front.
+    pub(super) fn is_backfacing(&self, eye: Vec3, reach_m: f32, slack_m: f32) -> bool {
+        self.normal.dot(eye) - self.least_m + self.spread * reach_m + slack_m < 0.0
     }
 }
 
@@ -86,7 +87,7 @@ mod tests {
         for k in 0..500 {
             let eye = at(7 * k) + Vec3::new(30.0, 0.5 * k as f32 - 100.0, 8.0);
             let reach_m = (0..600).map(|k| at(k).distance(eye)).fold(0.0, f32::max);
-            for cluster in clusters.iter().filter(|cluster| cluster.is_backfacing(eye, reach_m)) {
+            for cluster in clusters.iter().filter(|cluster| cluster.is_backfacing(eye, reach_m, 0.0)) {
                 left_out += 1;
                 for triangle in
                     indices[cluster.indices.start as usize..cluster.indices.end as usize].chunks(3)
@@ -107,7 +108,8 @@ mod tests {
         assert_eq!((indices.as_slice(), clusters.len()), (&[0, 1, 2][..], 1));
         clusters[0].move_by(10);
         assert_eq!(clusters[0].indices, 10..13);
-        assert!(!clusters[0].is_backfacing(Vec3::new(0.1, 90.0, 90.0), 130.0));
-        assert!(clusters[0].is_backfacing(Vec3::new(-0.1, 90.0, 90.0), 130.0));
+        assert!(!clusters[0].is_backfacing(Vec3::new(0.1, 90.0, 90.0), 130.0, 0.0));
+        assert!(clusters[0].is_backfacing(Vec3::new(-0.1, 90.0, 90.0), 130.0, 0.0));
+        assert!(!clusters[0].is_backfacing(Vec3::new(-0.1, 90.0, 90.0), 130.0, 0.2));
     }
 }

@@ -21,6 +21,10 @@ use std::sync::Arc;
 const PATTERN_M: f32 = 0.25;
 const MIN_PATTERN_PX: f32 = 6.0;
 
+/// Grid of the corners of triangles on every adapter, pixels, and the least height of a step in the ground, metres.
+const SUBPIXEL: f32 = 1.0 / 256.0;
+const LEAST_STEP_M: f32 = 0.1;
+
 /// Objects farther from the city than this cast no shadow.
 const SHADOW_MARGIN_M: f32 = 20.0;
 
@@ -349,7 +353,7 @@ impl StaticScene {
         for piece in visible {
             let chunk = &self.pieces.chunks[piece.level.chunk];
             let faces_eye = |cluster: &&NormalCluster| {
-                !(cull.is_perspective && cluster.is_backfacing(cull.eye, piece.reach_m))
+                !(cull.is_perspective && cluster.is_backfacing(cull.eye, piece.reach_m, piece.slack_m))
             };
             let clusters = part(piece.level).filter(faces_eye).map(|cluster| chunk.of(cluster));
             index_lists.append(&mut list, piece.level.chunk, clusters);
@@ -408,6 +412,8 @@ struct VisiblePiece<'p> {
     distance_m: f32,
     /// Distance from the eye that no point of its box exceeds.
     reach_m: f32,
+    /// See [`NormalCluster::is_backfacing`].
+    slack_m: f32,
     level: &'p PieceLod,
     /// Whether its texture is too fine to be seen.
     is_untextured: bool,
@@ -450,7 +456,15 @@ impl CullContext<'_> {
         let is_hidden = is_in_hidden || self.hides(&piece.piece);
         let level = if is_hidden { levels.last() } else { levels.get(self.lod(levels, 1.0, distance_m)) };
         let visible = self.visible_piece(piece, distance_m, level?);
-        Some(VisiblePiece { is_untextured: is_hidden || visible.is_untextured, ..visible })
+        let slack_m = self.edge_on_slack_m(visible.reach_m);
+        Some(VisiblePiece { slack_m, is_untextured: is_hidden || visible.is_untextured, ..visible })
+    }
+
+    /// How far behind the plane of a face of the ground an eye may be that still has to draw it. The adapter moves corners to
+    /// a grid in each pixel; so the edges of the road and of the pavement above it may change places where the face of the
+    /// kerb between them is narrower than that, and without it there is nothing between them.
+    fn edge_on_slack_m(&self, reach_m: f32) -> f32 {
+        reach_m * SUBPIXEL / self.pixel_scale.projected_px(LEAST_STEP_M, reach_m)
     }
 
     /// Frustum, small-feature and occlusion culling; then the coarsest LOD within the screen-space error.
@@ -483,7 +497,7 @@ impl CullContext<'_> {
         let middle = (low + high) / 2.0;
         let reach_m = middle.distance(self.eye) + high.distance(middle);
         let is_untextured = self.is_untextured(piece, distance_m);
-        VisiblePiece { number: *number, distance_m, reach_m, level, is_untextured }
+        VisiblePiece { number: *number, distance_m, reach_m, slack_m: 0.0, level, is_untextured }
     }
 
     /// Distance from the eye to the nearest point of a box.

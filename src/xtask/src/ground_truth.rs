@@ -44,6 +44,9 @@ const IN_LAND: f64 = 0.3;
 const PITCHES_DEG: [f64; 2] = [-89.0, 5.0];
 const FIELDS_OF_VIEW_DEG: [f64; 2] = [25.0, 100.0];
 const EXTENT: [u32; 2] = [160, 120];
+/// Views along kerbs, and the least length of a kerb in a straight line.
+const KERB_VIEWS: usize = 64;
+const LEAST_KERB_M: f32 = 4.0;
 /// Rays that point down by less may miss the ground.
 const LEAST_DIP_DEG: f64 = 2.0;
 /// Pixels no farther than this from another class or vehicle are not compared.
@@ -153,7 +156,7 @@ impl City {
         Ok(Self { map, scene, snapshot })
     }
 
-    /// Draws random views in every preset.
+    /// Draws random views, and some along kerbs, in every preset.
     pub fn check(
         &self,
         context: &Context,
@@ -163,8 +166,9 @@ impl City {
         let mut draws = ChaCha8Rng::seed_from_u64(seed);
         let kinds: PictureKinds =
             [PictureKind::Depth, PictureKind::Semantic, PictureKind::Instance].into_iter().collect();
-        let requests: Vec<RenderRequest> =
-            (0..views).map(|_| RenderRequest { view: self.random_view(&mut draws), kinds }).collect();
+        let random = (0..views).map(|_| self.random_view(&mut draws));
+        let drawn = random.chain(self.views_along_kerbs());
+        let requests: Vec<RenderRequest> = drawn.map(|view| RenderRequest { view, kinds }).collect();
         let [others @ .., (finest, finest_quality)] = Quality::PRESETS;
         let renderer = |quality: Quality| {
             // Shadows are in none of the pictures.
@@ -176,7 +180,7 @@ impl City {
             .map(|(preset, quality)| Ok((Agreement { preset, ..Agreement::default() }, renderer(quality)?)))
             .into_iter()
             .collect::<Result<Vec<_>, city3d_render::RenderError>>()?;
-        let mut report = Report { views, ..Report::default() };
+        let mut report = Report { views: requests.len(), ..Report::default() };
         for batch in requests.chunks(BATCH) {
             let expected = reference.render_kinds(&self.snapshot, batch)?;
             report.look(finest, batch, &expected);
@@ -213,6 +217,32 @@ impl City {
         let ahead = DVec2::from_angle(yaw) * pitch.cos();
         let eye = at.extend(height + self.ground_m(at));
         View::new(Extrinsics::looking_at(eye, eye + ahead.extend(pitch.sin())), &lens)
+    }
+
+    /// Views from high above straight along the faces of kerbs, from a little behind them: there an edge of the road and one
+    /// of the pavement fall together.
+    fn views_along_kerbs(&self) -> Vec<View> {
+        let mut faces = Vec::new();
+        for level in self.scene.ground.iter().filter_map(|object| object.levels.first()) {
+            let corner = |k: u32| level.mesh.vertices[k as usize].position;
+            let triangles = level.mesh.indices.chunks_exact(3).map(|t| [t[0], t[1], t[2]].map(corner));
+            faces.extend(triangles.filter_map(|[a, b, c]| {
+                let normal = (b - a).cross(c - a).normalize_or_zero();
+                let is_kerb = normal.z.abs() < 0.01 && a.z == 0.0 && b.z == 0.0;
+                (is_kerb && a.distance(b) > LEAST_KERB_M).then_some([a, b, normal])
+            }));
+        }
+        let step = (faces.len() / KERB_VIEWS).max(1);
+        let view = |(k, [a, b, normal]): (usize, &[Vec3; 3])| {
+            let height_m = 60.0 + 130.0 * (k % 16) as f32 / 16.0;
+            let middle = (a + b) / 2.0;
+            let aside = (b - a).normalize_or_zero() * (0.2 * height_m) - normal * (0.002 * height_m);
+            let eye = middle + aside + Vec3::Z * height_m;
+            let vertical_fov_rad = FIELDS_OF_VIEW_DEG[k % 2].to_radians();
+            let lens = Lens { vertical_fov_rad, extent: EXTENT, ..Lens::default() };
+            View::new(Extrinsics::looking_at(eye.as_dvec3(), middle.as_dvec3()), &lens)
+        };
+        faces.iter().step_by(step).take(KERB_VIEWS).enumerate().map(view).collect()
     }
 
     /// Height of the ground at a place.

@@ -35,6 +35,8 @@ pub(crate) mod gpu_data {
 #[derive(Debug)]
 pub(crate) struct GroundTruthPass {
     city: wgpu::RenderPipeline,
+    /// Without culling on the adapter: one may leave out a face of a kerb that is seen edge on, with nothing behind it.
+    ground: wgpu::RenderPipeline,
     lines: wgpu::RenderPipeline,
     /// Models of the map.
     instanced: wgpu::RenderPipeline,
@@ -58,11 +60,14 @@ impl GroundTruthPass {
             entries: &[uniform_entry(0, true, size_of::<gpu_data::View>() as u64)],
         });
         let module = Shader::GroundTruth.module(device, None);
-        let pipeline = |entries, buffers: &[Option<wgpu::VertexBufferLayout<'_>>]| {
-            pipeline(device, &layout, &module, entries, buffers)
+        let made = |entries, buffers: &[Option<wgpu::VertexBufferLayout<'_>>], cull_mode| {
+            pipeline(device, (&layout, &module), (entries, cull_mode), buffers)
         };
+        let pipeline = |entries, buffers: &[_]| made(entries, buffers, Some(wgpu::Face::Back));
+        let city = ["city_main", "fragment_main"];
         Self {
-            city: pipeline(["city_main", "fragment_main"], &[Some(city::gpu_data::LAYOUT)]),
+            city: pipeline(city, &[Some(city::gpu_data::LAYOUT)]),
+            ground: made(city, &[Some(city::gpu_data::LAYOUT)], None),
             lines: pipeline(["line_main", "line_fragment"], &[Some(city::gpu_data::LAYOUT)]),
             instanced: pipeline(
                 ["instanced_main", "fragment_main"],
@@ -113,8 +118,8 @@ impl GroundTruthPass {
         if !visible.ranges.instances.is_empty() {
             pass.set_pipeline(&self.instanced);
             static_scene.instanced().draw(pass, &visible.ranges.instances, InstancePart::All);
-            pass.set_pipeline(&self.city);
         }
+        pass.set_pipeline(&self.ground);
         static_scene.draw(pass, &visible.ranges.ground);
         pass.set_pipeline(&self.lines);
         static_scene.draw(pass, &visible.ranges.lines);
@@ -156,9 +161,8 @@ fn view_data(view: &CameraView) -> gpu_data::View {
 
 fn pipeline(
     device: &wgpu::Device,
-    layout: &wgpu::BindGroupLayout,
-    module: &wgpu::ShaderModule,
-    [vertex, fragment]: [&str; 2],
+    (layout, module): (&wgpu::BindGroupLayout, &wgpu::ShaderModule),
+    ([vertex, fragment], cull_mode): ([&str; 2], Option<wgpu::Face>),
     buffers: &[Option<wgpu::VertexBufferLayout<'_>>],
 ) -> wgpu::RenderPipeline {
     let constants = [("vehicle_class", f64::from(Class::Vehicle as u8))];
@@ -179,7 +183,7 @@ fn pipeline(
             compilation_options: options.clone(),
             buffers,
         },
-        primitive: wgpu::PrimitiveState { cull_mode: Some(wgpu::Face::Back), ..Default::default() },
+        primitive: wgpu::PrimitiveState { cull_mode, ..Default::default() },
         depth_stencil: Some(wgpu::DepthStencilState {
             format: DEPTH_BUFFER_FORMAT,
             depth_write_enabled: Some(true),

@@ -1,7 +1,7 @@
 //! Models of body types, fitted to dimensions and simplified to levels of detail (LOD).
 
 use super::{LampLens, VehicleMesh};
-use city3d_models::{Measures, Model, fitted, glb, shipped};
+use city3d_models::{Measures, MeshPrimitive, Model, fitted, glb, shipped};
 use city3d_protocol::snapshot::{BodyType, Dimensions};
 use glam::Vec3;
 use std::collections::BTreeMap;
@@ -11,8 +11,9 @@ use std::sync::Arc;
 const COARSENESS_M: [f32; 2] = [0.16, 0.4];
 /// Least errors of the coarser levels: positions of lamps and windows.
 const LEAST_ERRORS_M: [f32; 2] = [0.05, 0.12];
-/// Material inside the roof and the doors. A camera behind the windscreen may be above the lining of the roof.
-const LINING: &str = "lining";
+/// Materials that a camera behind the windscreen does not see of its own car: the inside of the roof and the doors, for it may
+/// be above the lining of the roof, and the wipers, which are below the picture or cover the road with a line.
+const UNSEEN_FROM_INSIDE: [&str; 2] = ["lining", "wiper"];
 
 /// Models of body types; others are drawn as a sedan.
 #[derive(Clone, Debug)]
@@ -105,7 +106,11 @@ impl VehicleModels {
             FittedLod { body: VehicleMesh::new(parts), wheel, error_m: 0.0 }
         });
         let own_body = match &fitted.near_body {
-            Some(parts) => VehicleMesh::new(parts.iter().filter(|part| part.material.name != LINING)),
+            Some(parts) => {
+                let is_seen =
+                    |part: &&MeshPrimitive| !UNSEEN_FROM_INSIDE.contains(&part.material.name.as_str());
+                VehicleMesh::new(parts.iter().filter(is_seen))
+            }
             None => body.clone(),
         };
         let lenses = body.lenses();
@@ -137,7 +142,7 @@ impl FittedVehicle {
 mod tests {
     use super::super::{MOST_LENSES, VehiclePart};
     use super::*;
-    use city3d_models::{MeshPrimitive, ModelNode};
+    use city3d_models::ModelNode;
     use glam::{Affine3A, DVec3};
 
     fn dimensions(height_m: f64) -> Dimensions {
@@ -230,9 +235,9 @@ mod tests {
         }
     }
 
-    /// Wipers and dashboard are seen from behind the windscreen, the lining of the roof is not.
+    /// The dashboard is seen from behind the windscreen, the lining of the roof and the wipers are not.
     #[test]
-    fn the_own_body_is_the_near_one_without_its_lining() {
+    fn the_own_body_is_the_near_one_without_lining_and_wipers() {
         let faces = |mesh: &VehicleMesh| mesh.indices.len() / 3;
         for (kind, d) in bodies() {
             let models = VehicleModels::default();
@@ -240,9 +245,13 @@ mod tests {
             let near = fitted.near.expect("every shipped body has one");
             let model = &models.models[&kind];
             let node = model.node("near_body").unwrap();
-            let lining = model.parts(node).iter().filter(|part| part.material.name == LINING);
-            let lined: usize = lining.map(|part| part.indices.len() / 3).sum();
-            assert!(lined > 100 && faces(&fitted.own_body) + lined == faces(&near.body), "{kind:?}: {lined}");
+            let [lined, wipers] = UNSEEN_FROM_INSIDE.map(|name| {
+                let parts = model.parts(node).iter().filter(|part| part.material.name == name);
+                parts.map(|part| part.indices.len() / 3).sum::<usize>()
+            });
+            let told = format!("{kind:?}: {lined} and {wipers}");
+            assert!(lined > 100 && wipers >= 8, "{told}");
+            assert!(faces(&fitted.own_body) + lined + wipers == faces(&near.body), "{told}");
         }
     }
 

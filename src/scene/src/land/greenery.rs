@@ -15,7 +15,7 @@ use std::collections::BTreeMap;
 use std::f32::consts::TAU;
 
 /// Edges of tiles, the units of culling, from these distances from the town on: houses hide small ones as a whole.
-const TILES_M: [(f64, f64); 3] = [(700.0, 208.0), (280.0, 104.0), (0.0, 52.0)];
+const TILES_M: [(f64, f64); 3] = [(1400.0, 208.0), (560.0, 104.0), (0.0, 52.0)];
 /// Levels of detail: triangles of a tree at most, and how far what is drawn may be from the finest.
 const LEVELS: [(usize, f32); 4] = [(74, 0.0), (30, 0.6), (16, 1.8), (TENT_SIDES, 3.0)];
 /// Woods keep to this share of those errors: their crowns hide one another.

@@ -209,7 +209,7 @@ impl Library {
         embedded.map(<[u8]>::to_vec).ok_or_else(|| SourceError::Unknown {
             name: name.to_owned(),
             kind: "models",
-            names: city3d_models::SHIPPED.map(|(name, _)| name).join(", "),
+            names: city3d_models::SHIPPED.join(", "),
         })
     }
 

@@ -2,7 +2,7 @@
 
 use super::shape::{CarShape, Rear};
 use super::{
-    CarDetail, DASHBOARD, GLASS, PAINT, PLASTIC, PrimitiveBuilder, SEAM, StaticMaterial, body, close,
+    CarDetail, DASHBOARD, GLASS, PAINT, PLASTIC, PrimitiveBuilder, SEAM, StaticMaterial, WIPER, body, close,
 };
 use glam::Vec3;
 
@@ -182,11 +182,8 @@ fn frames(
 ) {
     const FRAME_M: f32 = 0.026;
     let last = stations.len() - 1;
-    let mut strip = |corners: [Vec3; 4], outward: Vec3, proud: f32| {
-        let normal = (corners[2] - corners[0]).cross(corners[3] - corners[1]).normalize_or_zero();
-        let out = if normal.dot(outward) < 0.0 { -normal } else { normal };
-        close::face(builder, corners.map(|corner| corner + out * proud), outward, SEAM, 160);
-    };
+    let mut strip =
+        |corners: [Vec3; 4], outward: Vec3, proud: f32| raised(builder, corners, outward, (proud, SEAM));
     for k in 0..last {
         let end = (k == 0).then_some(-1.0).or((k == last - 1).then_some(1.0));
         if face_material(shape, CarDetail::Close, stations, k, SILL, end) != GLASS {
@@ -223,22 +220,36 @@ fn frames(
             let inwards = |down: f32| at(edge, down).lerp(at(inner, down), 0.2);
             strip([at(edge, 0.0), inwards(0.0), inwards(1.0), at(edge, 1.0)], outward, 0.005);
         }
-        if facing < 0.0 {
-            continue;
-        }
-        // Wipers at rest, seen from both sides.
-        let on = |across: f32, down: f32| {
-            let column = across.floor() as usize;
-            at(column, down).lerp(at(column + 1, down), across - across.floor())
-        };
-        for [from, to] in [[(6.4, 0.95), (5.3, 0.88)], [(5.3, 0.88), (4.9, 0.84)], [(4.7, 0.95), (3.9, 0.88)]]
-        {
-            let [a, b] = [from, to].map(|(across, down): (f32, f32)| on(across, down));
-            let [c, d] = [from, to].map(|(across, down): (f32, f32)| on(across, down - 0.022));
-            strip([a, b, d, c], outward, 0.018);
-            strip([a, b, d, c], -outward, -0.016);
-        }
     }
+    wipers(builder, &sections[last - 1], &sections[last]);
+}
+
+/// Wipers at rest on the windscreen between two sections, seen from both sides.
+fn wipers(builder: &mut PrimitiveBuilder, top: &[Vec3], foot: &[Vec3]) {
+    let at = |column: usize, down: f32| top[column].lerp(foot[column], down);
+    let on = |across: f32, down: f32| {
+        let column = across.floor() as usize;
+        at(column, down).lerp(at(column + 1, down), across - across.floor())
+    };
+    let outward = Vec3::new(1.0, 0.0, 0.6);
+    for [from, to] in [[(6.4, 0.95), (5.3, 0.88)], [(5.3, 0.88), (4.9, 0.84)], [(4.7, 0.95), (3.9, 0.88)]] {
+        let [a, b] = [from, to].map(|(across, down): (f32, f32)| on(across, down));
+        let [c, d] = [from, to].map(|(across, down): (f32, f32)| on(across, down - 0.022));
+        raised(builder, [a, b, d, c], outward, (0.018, WIPER));
+        raised(builder, [a, b, d, c], -outward, (-0.016, WIPER));
+    }
+}
+
+/// A face a little off the surface that its corners lie on.
+fn raised(
+    builder: &mut PrimitiveBuilder,
+    corners: [Vec3; 4],
+    outward: Vec3,
+    (proud_m, material): (f32, StaticMaterial),
+) {
+    let normal = (corners[2] - corners[0]).cross(corners[3] - corners[1]).normalize_or_zero();
+    let out = if normal.dot(outward) < 0.0 { -normal } else { normal };
+    close::face(builder, corners.map(|corner| corner + out * proud_m), outward, material, 160);
 }
 
 /// What a face is made of: behind which station, how far up, and on which end.

@@ -4,7 +4,7 @@
 use super::close::face;
 use super::heavy::{HeavyShape, HullRow, on_end, on_side};
 use super::heavy_trim::{AMBER, BOX};
-use super::interior::{INSIDE, LINING, driver, seat};
+use super::interior::{INSIDE, LINING, driver, passenger, seat};
 use super::trim::lettering;
 use super::{CHROME, DASHBOARD, GLASS, PLASTIC, PrimitiveBuilder, SEAM, StaticMaterial, TAIL};
 use glam::Vec3;
@@ -108,7 +108,7 @@ fn cab(builder: &mut PrimitiveBuilder) {
     driver(builder, Vec3::new(2.1, 0.42, FLOOR_M));
 }
 
-/// Benches, poles and the driver of a bus.
+/// Benches with passengers, poles and the driver of a bus.
 fn saloon(builder: &mut PrimitiveBuilder, shape: &HeavyShape) {
     const FLOOR_M: f32 = 0.45;
     floor(builder, [[-5.3, 5.2], [-1.2, 1.2]], FLOOR_M);
@@ -130,6 +130,14 @@ fn saloon(builder: &mut PrimitiveBuilder, shape: &HeavyShape) {
                 block([-0.33, -0.25], y, [1.06, 1.80]);
             }
         }
+    }
+    // Benches and places of passengers, from the rear.
+    for (number, (bench, y)) in
+        [(0.0, -0.55), (1.0, 0.95), (3.0, 0.55), (4.0, -0.95), (6.0, 0.95), (7.0, 0.55), (8.0, -0.95)]
+            .into_iter()
+            .enumerate()
+    {
+        passenger(builder, Vec3::new(-4.56 + 0.85 * bench, y, 0.88), number);
     }
     for (x, y) in [(-2.2, 0.33), (-2.2, -0.33), (-0.72, -0.36), (0.66, -0.36), (1.9, 0.33), (3.72, -0.36)] {
         let half = Vec3::new(0.018, 0.018, 0.0);

@@ -3,7 +3,7 @@
 use super::heavy::{HeavyShape, on_end, on_side};
 use super::{
     CHROME, CarDetail, GRILLE, HEAD, INDICATOR, PAINT, PLASTIC, PLATE, PrimitiveBuilder, REVERSE, SEAM,
-    StaticMaterial, TAIL, WELL,
+    StaticMaterial, TAIL, WELL, WIPER,
 };
 use glam::Vec3;
 
@@ -192,8 +192,8 @@ pub(super) fn trim(builder: &mut PrimitiveBuilder, shape: &HeavyShape) {
     let foot = hull.rows[hull.windscreen[0]].z;
     for y in [-0.55, 0.25] {
         // Wipers at rest.
-        on_end(builder, shape, (1.0, 0.02), [[y, y + 0.28], [foot + 0.02, foot + 0.04]], SEAM);
-        on_end(builder, shape, (1.0, 0.02), [[y + 0.28, y + 0.56], [foot + 0.03, foot + 0.05]], SEAM);
+        on_end(builder, shape, (1.0, 0.02), [[y, y + 0.28], [foot + 0.02, foot + 0.04]], WIPER);
+        on_end(builder, shape, (1.0, 0.02), [[y + 0.28, y + 0.56], [foot + 0.03, foot + 0.05]], WIPER);
     }
     for side in [1.0_f32, -1.0] {
         let (from, to) = if shape.is_truck { (1.62, 2.72) } else { (-5.0, 5.0) };

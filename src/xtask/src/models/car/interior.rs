@@ -82,12 +82,35 @@ pub(super) fn seat(builder: &mut PrimitiveBuilder, at: Vec3) {
 
 /// Torso, arms and head of a driver, and the steering wheel.
 pub(super) fn driver(builder: &mut PrimitiveBuilder, at: Vec3) {
+    person(builder, at, 8, [SHIRT, HAIR]);
+    wheel(builder, at);
+}
+
+/// Who sits on a bench: one of a few, by number.
+pub(super) fn passenger(builder: &mut PrimitiveBuilder, at: Vec3, number: usize) {
+    const COATS: [StaticMaterial; 4] = [
+        StaticMaterial::new("shirt.red", [150, 62, 52]),
+        StaticMaterial::new("shirt.sand", [196, 186, 160]),
+        StaticMaterial::new("shirt.green", [58, 84, 70]),
+        StaticMaterial::new("shirt.grey", [70, 72, 82]),
+    ];
+    const HAIRS: [StaticMaterial; 3] = [
+        StaticMaterial::new("hair.fair", [128, 90, 56]),
+        StaticMaterial::new("hair.grey", [150, 146, 140]),
+        StaticMaterial::new("hair.dark", [36, 30, 28]),
+    ];
+    let [coat, hair] = [COATS[number % COATS.len()], HAIRS[number % HAIRS.len()]];
+    person(builder, at, 6, [coat, hair]);
+}
+
+/// Torso, arms and head of who sits, of so many sides.
+fn person(builder: &mut PrimitiveBuilder, at: Vec3, sides: usize, [shirt, hair]: [StaticMaterial; 2]) {
     // Rings around an upright axis: height, half depth, half width.
     let body = |builder: &mut PrimitiveBuilder, rings: &[[f32; 4]], material: StaticMaterial| {
         let ring = |&[z, x, deep, wide]: &[f32; 4]| -> Vec<Vec3> {
-            (0..=8)
+            (0..=sides)
                 .map(|k| {
-                    let (sin, cos) = (TAU * k as f32 / 8.0).sin_cos();
+                    let (sin, cos) = (TAU * k as f32 / sides as f32).sin_cos();
                     at + Vec3::new(x + deep * cos, wide * sin, z)
                 })
                 .collect()
@@ -103,7 +126,7 @@ pub(super) fn driver(builder: &mut PrimitiveBuilder, at: Vec3) {
             [0.66, -0.16, 0.12, 0.23],
             [0.74, -0.16, 0.06, 0.10],
         ],
-        SHIRT,
+        shirt,
     );
     body(builder, &[[0.72, -0.15, 0.05, 0.05], [0.80, -0.14, 0.055, 0.055]], SKIN);
     body(
@@ -124,14 +147,18 @@ pub(super) fn driver(builder: &mut PrimitiveBuilder, at: Vec3) {
             [0.985, -0.14, 0.085, 0.065],
             [1.005, -0.14, 0.0, 0.0],
         ],
-        HAIR,
+        hair,
     );
     for y in [-0.21_f32, 0.21] {
         let (low, high) = (Vec3::new(-0.16, y - 0.045, 0.46), Vec3::new(0.02, y + 0.045, 0.60));
-        builder.block(at + low, at + high, SHIRT, INSIDE);
+        builder.block(at + low, at + high, shirt, INSIDE);
         let (low, high) = (Vec3::new(0.0, 0.75 * y - 0.04, 0.50), Vec3::new(0.32, 0.75 * y + 0.04, 0.58));
         builder.block(at + low, at + high, SKIN, INSIDE);
     }
+}
+
+/// The steering wheel before a driver.
+fn wheel(builder: &mut PrimitiveBuilder, at: Vec3) {
     let middle = at + Vec3::new(0.34, 0.0, 0.55);
     let ring = |radius: f32, out: f32| -> Vec<Vec3> {
         (0..=14)

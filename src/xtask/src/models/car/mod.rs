@@ -35,6 +35,7 @@ pub(super) const LENS: StaticMaterial = StaticMaterial::new("lens", [200, 204, 2
 pub(super) const PLASTIC: StaticMaterial = StaticMaterial::new("plastic", [30, 31, 33]);
 pub(super) const DASHBOARD: StaticMaterial = StaticMaterial::new("dashboard", [34, 35, 37]);
 pub(super) const SEAM: StaticMaterial = StaticMaterial::new("seam", [12, 12, 13]);
+pub(super) const WIPER: StaticMaterial = StaticMaterial::new("wiper", [12, 12, 13]);
 pub(super) const WELL: StaticMaterial = StaticMaterial::new("well", [14, 14, 15]);
 pub(super) const GRILLE: StaticMaterial = StaticMaterial::new("grille", [20, 20, 22]).rough(0.5);
 pub(super) const CHROME: StaticMaterial = StaticMaterial::new("chrome", [190, 194, 198]).metal().rough(0.2);
