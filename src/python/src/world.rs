@@ -100,7 +100,7 @@ impl City {
     fn ticks(&self, seconds: f64) -> PyResult<u64> {
         let dt_s = self.run.experiment().rates.dt_s();
         let ticks = (seconds / dt_s).round();
-        if !(ticks >= 1.0 && ticks <= 1e9) || (ticks * dt_s - seconds).abs() > 1e-6 * dt_s.max(seconds) {
+        if !(1.0..=1e9).contains(&ticks) || (ticks * dt_s - seconds).abs() > 1e-6 * dt_s.max(seconds) {
             return Err(bad_input(format!("{seconds} s are no whole number of steps of {dt_s} s")));
         }
         Ok(ticks as u64)
@@ -158,6 +158,7 @@ impl World {
     }
 }
 
+#[allow(clippy::too_many_arguments, reason = "Python gives them by name")]
 #[pymethods]
 impl World {
     #[new]
