@@ -22,6 +22,7 @@ case "${1:-}" in
         ;;
     wheel)
         "$PYTHON" -m pip install -q --disable-pip-version-check "maturin==1.16.0"
+        rm -f target/wheels/city3d-*.whl
         "$VENV/bin/maturin" build --release --locked --manifest-path src/python/Cargo.toml --out target/wheels
         fresh=$(mktemp -d)
         trap 'rm -rf "$fresh"' EXIT

@@ -1,6 +1,8 @@
 """Environments of Gymnasium and PettingZoo, by the libraries' own checkers."""
 
+import gc
 import warnings
+import weakref
 
 import gymnasium
 import numpy as np
@@ -74,3 +76,31 @@ def test_a_camera_is_an_observation():
     parallel = envs.CityParallelEnv("roundabout", render_mode="rgb_array", quality="low")
     parallel.reset()
     assert parallel.render().shape == (512, 512, 3)
+
+
+def test_episodes_without_a_seed_differ_and_those_with_one_repeat():
+    env = envs.CityEnv("roundabout", environment="testbed")
+
+    def episode(seed):
+        env.reset(seed=seed)
+        for _ in range(30):
+            env.step(np.ones(1, np.float32))
+        return env.world.digest
+
+    assert episode(3) == episode(3)
+    assert episode(None) != episode(None)
+
+
+def test_vehicles_of_other_drivers_are_no_agents():
+    env = envs.CityParallelEnv("platoon")
+    observations, _ = env.reset(seed=1)
+    assert observations and "leader" not in observations
+    env.step({agent: np.zeros(1, np.float32) for agent in env.agents})
+
+
+def test_an_environment_that_is_dropped_frees_its_world():
+    env = envs.CityEnv("roundabout")
+    world = weakref.ref(env._env._drivers)
+    del env
+    gc.collect()
+    assert world() is None

@@ -125,12 +125,26 @@ class Idm:
 
 
 def test_a_class_of_python_drives():
-    world = city3d.World("roundabout", set={"driver.default.controller": "own"}, drivers={"own": Idm})
+    asked = set()
+
+    class Counted(Idm):
+        def __init__(self, vehicle, parameters):
+            super().__init__(vehicle, parameters)
+            self.vehicle = vehicle
+
+        def acceleration(self, *now):
+            asked.add(self.vehicle)
+            return super().acceleration(*now)
+
+    world = city3d.World("roundabout", set={"driver.default.controller": "own"}, drivers={"own": Counted})
     while not world.is_over:
         world.step()
     assert not any(event["kind"].startswith("collision") for event in world.events())
     assert world.states()[:, AT["distance_m"]].min() > 100.0
-    assert world.digest != city3d.World("roundabout", duration_s=1).digest
+    assert asked == {1, 2, 3, 4, 5, 6}
+    by_library = city3d.World("roundabout")
+    by_library.step(40.0)
+    assert world.digest != by_library.digest, "it is not the same as the built-in one"
 
 
 def test_what_a_driver_raises_is_raised_by_the_step():
@@ -145,6 +159,14 @@ def test_what_a_driver_raises_is_raised_by_the_step():
     world = city3d.World("roundabout", set={"driver.default.controller": "own"}, drivers=drivers)
     with pytest.raises(ValueError, match="answers NaN"):
         world.step()
+
+
+def test_what_a_driver_raises_when_it_is_made_is_raised_by_the_world():
+    def refuse(vehicle, parameters):
+        raise LookupError(f"not {vehicle}")
+
+    with pytest.raises(LookupError, match="not 1"):
+        city3d.World("roundabout", set={"driver.default.controller": "own"}, drivers={"own": refuse})
 
 
 def test_a_driver_that_asks_its_world_is_told_why_not():
@@ -171,14 +193,15 @@ def test_worlds_are_stepped_side_by_side_and_threads_run_meanwhile():
 
     thread = threading.Thread(target=count)
     thread.start()
-    for _ in range(50):
-        city3d.step_worlds(together)
+    before = counted[0]
+    city3d.step_worlds(together, 40.0)
+    meanwhile = counted[0] - before
     is_over.set()
     thread.join()
     for world in alone:
-        world.step(5.0)
+        world.step(40.0)
     assert [world.digest for world in alone] == [world.digest for world in together]
-    assert counted[0] > 0
+    assert meanwhile > 100, "a thread that counts gets nowhere while the lock is held"
 
 
 @pytest.mark.parametrize(
@@ -187,6 +210,7 @@ def test_worlds_are_stepped_side_by_side_and_threads_run_meanwhile():
         (lambda: city3d.World("nowhere"), "neither a file nor one of the shipped scenarios"),
         (lambda: city3d.World("roundabout", set={"driver.default.controler": "x"}), "did you mean"),
         (lambda: city3d.World("roundabout", environment="moon"), '"ideal" or "testbed"'),
+        (lambda: city3d.World("roundabout", quality="best"), "there are auto, low"),
         (lambda: city3d.World("roundabout", dynamics="boat"), '"raycast" or "bicycle"'),
         (lambda: city3d.World("roundabout").step(0.003), "no whole number of steps"),
         (lambda: city3d.World("roundabout").step(float("nan")), "no whole number of steps"),

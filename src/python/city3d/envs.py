@@ -9,7 +9,8 @@ angle (radians), time left as a share of the duration; then of each of the neare
 10 m/s.
 
 Reward: the distance driven in the step over 1 m, less 0.1 times the square of the action's change, less 100 for a
-collision, which ends the episode. The episode is truncated at the end of the scenario's duration.
+collision, which ends the episode, as does leaving the city. The episode is truncated at the end of the scenario's
+duration. A reset without a seed draws one, so that episodes differ; the same seed repeats an episode to the bit.
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from pettingzoo import ParallelEnv
 
-from . import COLUMNS, World, step_worlds
+from . import COLUMNS, Camera, World, step_worlds
 
 NEIGHBOURS = 5
 STEP_S = 0.1
@@ -34,6 +35,20 @@ _SIZE = 4 + 5 * NEIGHBOURS
 _AT = {name: place for place, name in enumerate(COLUMNS)}
 #: Name under which scenarios call the driver of an agent.
 DRIVER = "agent"
+
+
+class _Agents:
+    """Makes the drivers of agents; it knows no environment, which would keep its own world alive."""
+
+    def __init__(self, vehicles: tuple[int, ...] | None) -> None:
+        self.vehicles = vehicles
+        self.made: dict[int, _Agent] = {}
+
+    def __call__(self, vehicle: int, parameters: dict[str, float]) -> _Agent | None:
+        if self.vehicles is not None and vehicle not in self.vehicles:
+            return None
+        self.made[vehicle] = _Agent(parameters)
+        return self.made[vehicle]
 
 
 class _Agent:
@@ -98,7 +113,8 @@ _SPACES = (observation_space(), action_space())
 class CityParallelEnv(ParallelEnv):
     """Vehicles of a scenario are agents: those with the ids `vehicles`, or all that are there at the start.
 
-    `agents` names those that are on their way. The library drives all others by IDM.
+    `agents` names those that are on their way. Vehicles of the scenario's default driver that are no agents are driven by
+    IDM; those of its other drivers keep theirs.
     """
 
     metadata = {"name": "city3d", "render_modes": ["rgb_array"], "render_fps": 10, "is_parallelizable": True}
@@ -112,26 +128,22 @@ class CityParallelEnv(ParallelEnv):
         **world: Any,
     ) -> None:
         self.render_mode = render_mode
-        self._drivers: dict[int, _Agent] = {}
-        self._vehicles = vehicles
+        self._drivers = _Agents(vehicles)
+        self._random = np.random.default_rng()
         changes = dict(world.pop("set", None) or {})
         changes.setdefault("driver.default.controller", DRIVER)
-        self.world = World(scenario, set=changes, drivers={DRIVER: self._make}, **world)
+        self.world = World(scenario, set=changes, drivers={DRIVER: self._drivers}, **world)
         if vehicles is None:
-            names = self.world.names
+            # Those of the scenario's other drivers are driven by these.
+            names = {id: name for id, name in self.world.names.items() if id in self._drivers.made}
+            self._drivers.vehicles = tuple(names)
         else:
             names = {vehicle: f"vehicle_{vehicle}" for vehicle in vehicles}
         self._ids = {name: vehicle for vehicle, name in names.items()}
         self.possible_agents = list(self._ids)
         if not self.possible_agents:
-            raise ValueError(f"{scenario} has no vehicle at its start: name the ids of its agents as `vehicles`")
+            raise ValueError(f"{scenario} has no vehicle of the default driver at its start: give `vehicles` the ids of agents")
         self.agents: list[str] = []
-
-    def _make(self, vehicle: int, parameters: dict[str, float]) -> _Agent | None:
-        if self._vehicles is not None and vehicle not in self._vehicles:
-            return None
-        self._drivers[vehicle] = _Agent(parameters)
-        return self._drivers[vehicle]
 
     def observation_space(self, agent: str) -> spaces.Box:
         return _SPACES[0]
@@ -142,12 +154,19 @@ class CityParallelEnv(ParallelEnv):
     def reset(
         self, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[dict[str, np.ndarray], dict[str, dict[str, Any]]]:
+        if seed is not None:
+            self._random = np.random.default_rng(seed)
+        else:
+            seed = int(self._random.integers(2**31))
         self.world.reset(seed)
         # Those who enter the city later are waited for.
         while not set(self._ids.values()) <= set(self.world.ids.tolist()):
             if self.world.time_s >= ENTERS_S:
                 raise RuntimeError(f"agents have not entered within {ENTERS_S} s: {self._ids}")
             self.world.step(STEP_S)
+        strangers = set(self._ids.values()) - self._drivers.made.keys()
+        if strangers:
+            raise ValueError(f"vehicles {sorted(strangers)} have another driver than the default one: they are no agents")
         self.world.events()
         self.agents = list(self.possible_agents)
         self._last = {agent: 0.0 for agent in self.agents}
@@ -169,7 +188,7 @@ class CityParallelEnv(ParallelEnv):
 
     def _command(self, actions: dict[str, np.ndarray]) -> None:
         for agent, action in actions.items():
-            self._drivers[self._ids[agent]].action = float(np.clip(np.asarray(action).reshape(-1)[0], -1.0, 1.0))
+            self._drivers.made[self._ids[agent]].action = float(np.clip(np.asarray(action).reshape(-1)[0], -1.0, 1.0))
 
     def _outcome(self, actions: dict[str, np.ndarray]) -> tuple[Any, ...]:
         collided = set()
@@ -181,7 +200,7 @@ class CityParallelEnv(ParallelEnv):
         rewards, terminations, truncations = {}, {}, {}
         for agent in self.agents:
             id = self._ids[agent]
-            action = self._drivers[id].action
+            action = self._drivers.made[id].action
             reward = driven.get(id, 0.0) - self._driven.get(id, 0.0) if id in driven else 0.0
             reward -= 0.1 * (action - self._last[agent]) ** 2 + COLLISION * (id in collided)
             self._last[agent] = action
@@ -211,8 +230,6 @@ class CityParallelEnv(ParallelEnv):
         """The city from above, as an array of (height, width, 3)."""
         if self.render_mode != "rgb_array":
             return None
-        from . import Camera
-
         return self.world.pictures([Camera.overhead(height_m=220.0)], 512, 512)[0]
 
     def close(self) -> None:
@@ -254,15 +271,16 @@ class CityEnv(gymnasium.Env):
     def _seen(self, observations: dict[str, np.ndarray]) -> np.ndarray:
         if self._picture is None:
             return observations[self.vehicle]
-        from . import Camera
-
-        return self.world.pictures([Camera.onboard(self._env._ids[self.vehicle])], *self._picture)[0]
+        id = self._env._ids[self.vehicle]
+        if id not in self.world.ids:
+            return np.zeros(self.observation_space.shape, np.uint8)
+        return self.world.pictures([Camera.onboard(id)], *self._picture)[0]
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[np.ndarray, dict[str, Any]]:
         super().reset(seed=seed)
-        observations, _ = self._env.reset(seed)
+        observations, _ = self._env.reset(int(self.np_random.integers(2**31)) if seed is None else seed)
         return self._seen(observations), {"digest": self.world.digest}
 
     def step(self, action: np.ndarray) -> tuple[np.ndarray, float, bool, bool, dict[str, Any]]:
@@ -294,9 +312,9 @@ class CityVectorEnv(VectorEnv):
         self._ended = np.zeros(num_envs, dtype=bool)
 
     def reset(
-        self, *, seed: int | list[int | None] | None = None, options: dict[str, Any] | None = None
+        self, *, seed: int | list[int | None] | tuple[int | None, ...] | None = None, options: dict[str, Any] | None = None
     ) -> tuple[np.ndarray, dict[str, Any]]:
-        seeds = seed if isinstance(seed, list) else [None if seed is None else seed + k for k in range(self.num_envs)]
+        seeds = list(seed) if isinstance(seed, (list, tuple)) else [None if seed is None else seed + k for k in range(self.num_envs)]
         self._ended[:] = False
         return np.stack([env.reset(seed=own)[0] for env, own in zip(self.envs, seeds, strict=True)]), {}
 
@@ -321,6 +339,10 @@ class CityVectorEnv(VectorEnv):
             )
         self._ended = terminations | truncations
         return np.stack(observations), rewards, terminations, truncations, {}
+
+    def render(self) -> tuple[np.ndarray | None, ...]:
+        """Each city from above."""
+        return tuple(env.render() for env in self.envs)
 
 
 for _name, _scenario in (("Roundabout", "roundabout"), ("Merge", "merge"), ("City", "city")):

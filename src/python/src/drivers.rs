@@ -79,8 +79,8 @@ fn parameters<'py>(py: Python<'py>, params: &DriverParams) -> PyResult<Bound<'py
     Ok(dict)
 }
 
-/// An object with a method `acceleration(speed_mps, desired_mps, gap_m, leader_mps)`. After an exception, and for a number
-/// that is none, its vehicle brakes.
+/// An object with a method `acceleration(speed_mps, desired_mps, gap_m, leader_mps)`. After an exception, and for NaN and
+/// infinite answers, its vehicle brakes.
 #[derive(Debug)]
 struct PythonDriver {
     vehicle: VehicleId,

@@ -21,21 +21,27 @@ pub fn classes() -> Vec<&'static str> {
     names
 }
 
-/// A renderer of an experiment's city.
+/// # Errors
+/// Where there is no quality of this name.
+pub fn check_quality(name: &str) -> PyResult<()> {
+    if name == AUTO || Quality::PRESETS.iter().any(|(preset, _)| *preset == name) {
+        return Ok(());
+    }
+    let names = Quality::PRESETS.map(|(preset, _)| preset).join(", ");
+    Err(bad_input(format!("no quality {name:?}: there are {AUTO}, {names}")))
+}
+
+/// The quality that the adapter decides.
+const AUTO: &str = "auto";
+
+/// A renderer of an experiment's city; `quality` is one that [`check_quality`] has let pass.
 ///
 /// # Errors
-/// Where there is no adapter, or no quality of this name.
+/// Where there is no adapter.
 pub fn renderer(experiment: &Experiment, quality: &str) -> PyResult<Renderer> {
     let context = Context::for_batches(&AdapterPreference::from_environment()).map_err(failed)?;
     let preset = Quality::PRESETS.iter().find(|(name, _)| *name == quality);
-    let quality = match (preset, quality) {
-        (Some((_, preset)), _) => *preset,
-        (None, "auto") => Quality::auto(context.is_software),
-        (None, other) => {
-            let names = Quality::PRESETS.map(|(name, _)| name).join(", ");
-            return Err(bad_input(format!("no quality {other:?}: there are auto, {names}")));
-        }
-    };
+    let quality = preset.map_or_else(|| Quality::auto(context.is_software), |(_, preset)| *preset);
     let daylight = Daylight { hours: experiment.time_of_day.hours as f32 };
     let settings = Settings { quality, daylight, weather: experiment.weather, ..Settings::default() };
     let scene = SceneDescription::with_models(&experiment.city_map, &experiment.models.placed);

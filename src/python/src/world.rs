@@ -70,7 +70,10 @@ impl City {
                 self.run = start(&request, &self.drivers)?;
                 self.request = request;
             }
-            None => self.run.reset().map_err(bad_input)?,
+            None => {
+                self.run.reset().map_err(bad_input)?;
+                self.drivers.raise()?;
+            }
         }
         self.orders.clear();
         self.events.clear();
@@ -90,6 +93,10 @@ impl City {
         if let Some(id) = command.vehicle().filter(|id| self.run.snapshot().vehicle(*id).is_none()) {
             let present: Vec<u32> = self.run.snapshot().vehicles.iter().map(|vehicle| vehicle.id.0).collect();
             return Err(bad_input(format!("no vehicle {id} in the city: there are {present:?}")));
+        }
+        let is_physical = |id| self.run.snapshot().info(id).is_some_and(|info| info.is_physical());
+        if let Some(id) = command.vehicle().filter(|id| is_physical(*id)) {
+            return Err(bad_input(format!("vehicle {id} is a physical one: nobody drives it from here")));
         }
         self.orders.push((self.run.snapshot().tick, command.clone()));
         self.run.inject(command);
@@ -111,6 +118,7 @@ impl City {
             return Err(bad_input("the saved world is one of another scenario, seed or environment"));
         }
         self.reset(None)?;
+        self.orders.clone_from(&saved.orders);
         let mut orders = saved.orders.iter().peekable();
         for tick in 0..=saved.tick {
             while let Some((_, command)) = orders.next_if(|(at, _)| *at == tick) {
@@ -121,10 +129,9 @@ impl City {
                 self.drivers.raise()?;
             }
         }
-        self.orders.clone_from(&saved.orders);
         if self.run.snapshot().state_hash != saved.state_hash {
             return Err(PyRuntimeError::new_err(
-                "the run did not repeat: please report this with the scenario",
+                "the run did not repeat: a driver of Python has answered otherwise than before",
             ));
         }
         Ok(())
@@ -135,8 +142,9 @@ fn start(request: &ScenarioRequest, drivers: &PythonDrivers) -> PyResult<Run> {
     let (text, library) = Library::scenario(&request.scenario).map_err(bad_input)?;
     let library = library.with_drivers(drivers.beside_standard());
     let experiment = request.read_text(&text, &library).map_err(bad_input)?;
+    let run = Run::new(Arc::new(experiment)).map_err(bad_input)?;
     drivers.raise()?;
-    Run::new(Arc::new(experiment)).map_err(bad_input)
+    Ok(run)
 }
 
 impl std::fmt::Debug for World {
@@ -189,6 +197,7 @@ impl World {
             "bicycle" => Ok(ModelKind::Bicycle),
             other => Err(bad_input(format!("no dynamics {other:?}: it is \"raycast\" or \"bicycle\""))),
         });
+        pictures::check_quality(quality)?;
         let overrides = Overrides {
             seed,
             duration_s,

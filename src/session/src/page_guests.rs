@@ -16,6 +16,9 @@ const NAME: &str = "guest";
 pub(crate) struct PageGuests {
     setup: GuestSetup,
     guests: BTreeMap<u16, PageGuest>,
+    /// Last sequence number of those who have left: who comes again by the same number counts on, for the city answers a
+    /// request that it knows as it did before.
+    left: BTreeMap<u16, u32>,
 }
 
 #[derive(Debug)]
@@ -33,19 +36,25 @@ struct PageGuest {
 impl PageGuests {
     /// No guests, in the city of an experiment.
     pub fn of(experiment: &Experiment) -> Self {
-        Self { setup: GuestSetup::of(experiment, NAME.to_owned()), guests: BTreeMap::new() }
+        Self {
+            setup: GuestSetup::of(experiment, NAME.to_owned()),
+            guests: BTreeMap::new(),
+            left: BTreeMap::new(),
+        }
     }
 
     /// Carries out what a guest does.
     pub fn act(&mut self, world: &mut ServerWorld, now_s: f64, number: u16, act: GuestAct) {
         match act {
             GuestAct::Join => {
-                let guest = self.guests.entry(number).or_insert_with(|| PageGuest::new(number));
+                let since = self.left.get(&number).copied().unwrap_or_default();
+                let guest = self.guests.entry(number).or_insert_with(|| PageGuest::new(number, since));
                 guest.ask(&self.setup, world, now_s);
             }
             GuestAct::Leave => {
                 if let Some(mut guest) = self.guests.remove(&number) {
                     guest.leave(world, now_s);
+                    self.left.insert(number, guest.sequence);
                 }
             }
             GuestAct::Drive(pedals) => self.drive(world, now_s, number, Some(pedals)),
@@ -83,9 +92,9 @@ impl PageGuests {
 }
 
 impl PageGuest {
-    fn new(number: u16) -> Self {
+    fn new(number: u16, sequence: u32) -> Self {
         let sender = FIRST_PAGE_GUEST + SenderNumber::from(number);
-        Self { sender, vehicle: None, trouble: None, sequence: 0, asked_s: 0.0 }
+        Self { sender, vehicle: None, trouble: None, sequence, asked_s: 0.0 }
     }
 
     fn next(&mut self) -> u32 {

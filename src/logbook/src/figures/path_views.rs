@@ -141,8 +141,9 @@ impl FigureSet<'_> {
                     .for_each(|rule| rule.name = rule.name.replace(&format!(" of {path}"), ""));
                 panel.lines.extend(self.signal_bars(run, stream));
                 for segment in self.segments(run, stream) {
-                    panel.lines.extend(by_speed(segment.trace, &segment.points, fastest));
-                    let end = panel.lines.last().and_then(|line| line.points.last()).copied();
+                    let lines = by_speed(segment.trace, &segment.points, fastest);
+                    let end = lines.last().and_then(|line| line.points.last()).copied();
+                    panel.lines.extend(lines);
                     panel.names.extend(end.map(|at| LineName { at, name: self.name(segment.trace.id) }));
                     figure.table.rows.extend(segment.rows(&self.labels[run], &path));
                 }

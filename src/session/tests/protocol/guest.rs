@@ -189,6 +189,13 @@ fn a_guest_of_the_page_has_a_car_of_its_own_while_there_is_room_and_takes_it_alo
         let link = director.until_link(&city, "the second one is let in", inside(8));
         assert_eq!(guest_of(&link, 7), None);
         director.until(&city, "its car", |told| told.snapshot.vehicle(car).is_some());
+
+        // Who has left comes again by the same number.
+        city.order(Order::Guest(8, GuestAct::Leave));
+        director.until(&city, "nobody is there", |told| told.snapshot.vehicle(car).is_none());
+        city.order(Order::Guest(7, GuestAct::Join));
+        director.until_link(&city, "the first one is there again", inside(7));
+        director.until(&city, "its car, too", |told| told.snapshot.vehicle(car).is_some());
         [far, city].iter().for_each(|program| director.end(program));
     });
 }

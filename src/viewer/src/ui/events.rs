@@ -310,10 +310,10 @@ fn nothing(shown: &ViewModel<'_>) -> &'static str {
     }
 }
 
-/// Shows the rows; returns the one that was clicked.
 /// Why the times of a standstill and of its end are farther apart than it stood.
 const GO: &str = "Show where and when it happened: it is told once the vehicle has left the place, and counts as standing until it moves";
 
+/// Shows the rows; returns the one that was clicked.
 fn list(
     ui: &mut Ui,
     marks: &[TimelineMark],

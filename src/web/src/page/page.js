@@ -85,7 +85,12 @@ async function show(buffer) {
   const head = new Uint8Array(buffer)[0], slot = head & 1, kind = head >> 1;
   const bytes = new Uint8Array(buffer, 1);
   if (kind > 0) return decode(slot, kind === 1 ? 'key' : 'delta', bytes);
-  paint(slot, await createImageBitmap(new Blob([bytes], { type: 'image/jpeg' })), 'jpeg');
+  try {
+    paint(slot, await createImageBitmap(new Blob([bytes], { type: 'image/jpeg' })), 'jpeg');
+  } catch {
+    // The server sends the next one once this one is said to be seen.
+    send({ t: 'seen', slot });
+  }
 }
 
 function paint(slot, picture, codec) {
