@@ -57,11 +57,11 @@ fn who_has_collided_or_is_driven_by_hand_is_told_so_and_not_what_control_would_d
     let mut harness = harness(desk);
     let told = format!("collided with {other} at {:.2} s", now_s - 1.0);
     harness.get_by_label(&told);
-    assert!(harness.query_by_label_contains("at the yield line").is_none());
+    assert!(harness.query_by_label_contains("at the yield line to").is_none());
     harness.state_mut().change(|now| now.vehicles.iter_mut().for_each(|v| v.status = Status::Manual));
     harness.run_steps(2);
     assert!(harness.query_all_by_label("driven by hand").count() >= 2, "status and reason");
-    assert!(harness.query_by_label_contains("at the yield line").is_none());
+    assert!(harness.query_by_label_contains("at the yield line to").is_none());
     assert!(harness.query_by_label_contains(", target ").is_none(), "nobody steers to it");
     assert!(harness.query_by_label_contains("a person; ").is_some(), "who drives");
 }
@@ -86,7 +86,7 @@ fn the_inspector_says_to_whom_a_vehicle_yields_and_a_click_goes_there() {
     press(&mut harness, egui::Key::I);
     harness.get_by_label("35 ms");
     harness.get_by_label_contains("target ");
-    let reason = format!("at the yield line, yields to {other} {name}");
+    let reason = format!("yields at the yield line to {other} {name}");
     harness.get_by_label_contains(&reason).click();
     harness.run_steps(3);
     assert_eq!(harness.state().state.selection.vehicle, Some(other));
@@ -137,7 +137,7 @@ fn of_a_log_or_over_the_link_reasons_are_told_and_measured_poses_are_not() {
     let name = desk.run_state.now.info(other).unwrap().name.clone();
     let mut harness = harness(desk);
     harness.run_steps(2);
-    harness.get_by_label_contains(&format!("at the yield line, yields to {other} {name}"));
+    harness.get_by_label_contains(&format!("yields at the yield line to {other} {name}"));
     // The command delay and the measured pose.
     assert_eq!(harness.query_all_by_label("not known").count(), 2, "{:?}", texts(&harness));
 }

@@ -154,7 +154,7 @@ fn a_finished_run_can_be_run_again_in_another_environment_and_tells_what_a_stop_
     assert_eq!(harness.state().actions, [UiAction::RunAgain(again)]);
     harness.get_by_label("Slow stops (< 0.5 m/s)").hover();
     harness.run_steps(10);
-    assert!(harness.query_by_label_contains("also where they come to the end of their routes").is_some());
+    assert!(harness.query_by_label_contains("also where these end").is_some());
 }
 
 #[test]

@@ -77,7 +77,7 @@ fn the_tip_of_stops_says_what_counts() {
     let place = harness.get_all_by_label("Slow stops (< 0.5 m/s)").next().unwrap().rect().center();
     harness.hover_at(place);
     harness.run_steps(10);
-    assert!(harness.query_by_label_contains("also where they come to the end of their routes").is_some());
+    assert!(harness.query_by_label_contains("also where these end").is_some());
 }
 
 #[test]
