@@ -23,7 +23,7 @@ def program_digest(tmp_path, *options: str) -> str:
     return json.loads((folder / "summary.json").read_text())["state_hash"]
 
 
-@pytest.mark.parametrize("options", [{}, {"seed": 7, "environment": "testbed"}, {"dynamics": "bicycle"}])
+@pytest.mark.parametrize("options", [{}, {"seed": 7, "environment": "testbed"}, {"model": "bicycle"}])
 def test_a_world_is_equal_to_a_run_of_the_program(tmp_path, options):
     world = city3d.World("roundabout", **options)
     while not world.is_over:
@@ -211,7 +211,7 @@ def test_worlds_are_stepped_side_by_side_and_threads_run_meanwhile():
         (lambda: city3d.World("roundabout", set={"driver.default.controler": "x"}), "did you mean"),
         (lambda: city3d.World("roundabout", environment="moon"), '"ideal" or "testbed"'),
         (lambda: city3d.World("roundabout", quality="best"), "there are auto, low"),
-        (lambda: city3d.World("roundabout", dynamics="boat"), '"raycast" or "bicycle"'),
+        (lambda: city3d.World("roundabout", model="boat"), '"raycast" or "bicycle"'),
         (lambda: city3d.World("roundabout").step(0.003), "no whole number of steps"),
         (lambda: city3d.World("roundabout").step(float("nan")), "no whole number of steps"),
         (lambda: city3d.World("roundabout").drive(99), "no vehicle 99"),

@@ -38,7 +38,7 @@ class World:
         seed: int | None = None,
         duration_s: float | None = None,
         environment: Literal["ideal", "testbed"] | None = None,
-        dynamics: Literal["raycast", "bicycle"] | None = None,
+        model: Literal["raycast", "bicycle"] | None = None,
         set: Mapping[str, Any] | None = None,
         drivers: Mapping[str, Callable[[int, dict[str, float]], Driver | None]] | None = None,
         quality: Literal["auto", "low", "medium", "high", "ultra"] = "auto",

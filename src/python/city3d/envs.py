@@ -106,10 +106,6 @@ def action_space() -> spaces.Box:
     return spaces.Box(-1.0, 1.0, (1,), np.float32)
 
 
-#: One object for all agents, as PettingZoo asks for.
-_SPACES = (observation_space(), action_space())
-
-
 class CityParallelEnv(ParallelEnv):
     """Vehicles of a scenario are agents: those with the ids `vehicles`, or all that are there at the start.
 
@@ -144,12 +140,15 @@ class CityParallelEnv(ParallelEnv):
         if not self.possible_agents:
             raise ValueError(f"{scenario} has no vehicle of the default driver at its start: give `vehicles` the ids of agents")
         self.agents: list[str] = []
+        # One object for each agent, as PettingZoo asks for: it is seeded.
+        self._observation_spaces = {agent: observation_space() for agent in self.possible_agents}
+        self._action_spaces = {agent: action_space() for agent in self.possible_agents}
 
     def observation_space(self, agent: str) -> spaces.Box:
-        return _SPACES[0]
+        return self._observation_spaces[agent]
 
     def action_space(self, agent: str) -> spaces.Box:
-        return _SPACES[1]
+        return self._action_spaces[agent]
 
     def reset(
         self, seed: int | None = None, options: dict[str, Any] | None = None

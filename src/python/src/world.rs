@@ -170,14 +170,14 @@ impl World {
 #[pymethods]
 impl World {
     #[new]
-    #[pyo3(signature = (scenario, *, seed = None, duration_s = None, environment = None, dynamics = None, set = None, drivers = None, quality = "auto"))]
+    #[pyo3(signature = (scenario, *, seed = None, duration_s = None, environment = None, model = None, set = None, drivers = None, quality = "auto"))]
     fn new(
         py: Python<'_>,
         scenario: PathBuf,
         seed: Option<u64>,
         duration_s: Option<f64>,
         environment: Option<&str>,
-        dynamics: Option<&str>,
+        model: Option<&str>,
         set: Option<BTreeMap<String, Bound<'_, PyAny>>>,
         drivers: Option<BTreeMap<String, Py<PyAny>>>,
         quality: &str,
@@ -192,10 +192,10 @@ impl World {
             let found = EnvironmentProfile::ALL.into_iter().find(|profile| profile.name() == name);
             found.ok_or_else(|| bad_input(format!("no environment {name:?}: it is \"ideal\" or \"testbed\"")))
         });
-        let model = dynamics.map(|name| match name {
+        let model = model.map(|name| match name {
             "raycast" => Ok(ModelKind::Raycast),
             "bicycle" => Ok(ModelKind::Bicycle),
-            other => Err(bad_input(format!("no dynamics {other:?}: it is \"raycast\" or \"bicycle\""))),
+            other => Err(bad_input(format!("no dynamics model {other:?}: it is \"raycast\" or \"bicycle\""))),
         });
         pictures::check_quality(quality)?;
         let overrides = Overrides {
