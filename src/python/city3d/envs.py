@@ -169,8 +169,9 @@ class CityParallelEnv(ParallelEnv):
         self.world.events()
         self.agents = list(self.possible_agents)
         self._last = {agent: 0.0 for agent in self.agents}
-        self._driven = self._distances()
-        return self._observations(), {agent: {} for agent in self.agents}
+        states = self.world.states()
+        self._driven = self._distances(states)
+        return self._observations(states), {agent: {} for agent in self.agents}
 
     def step(
         self, actions: dict[str, np.ndarray]
@@ -194,8 +195,8 @@ class CityParallelEnv(ParallelEnv):
         for event in self.world.events():
             if event["kind"].startswith("collision"):
                 collided |= {event["vehicle"], event.get("with")}
-        driven, is_over = self._distances(), self.world.is_over
-        observations = self._observations()
+        states, is_over = self.world.states(), self.world.is_over
+        driven, observations = self._distances(states), self._observations(states)
         rewards, terminations, truncations = {}, {}, {}
         for agent in self.agents:
             id = self._ids[agent]
@@ -211,12 +212,11 @@ class CityParallelEnv(ParallelEnv):
         self.agents = [agent for agent in self.agents if not (terminations[agent] or truncations[agent])]
         return observations, rewards, terminations, truncations, infos
 
-    def _distances(self) -> dict[int, float]:
-        states = self.world.states()
+    @staticmethod
+    def _distances(states: np.ndarray) -> dict[int, float]:
         return dict(zip(states[:, 0].astype(int).tolist(), states[:, _AT["distance_m"]].tolist(), strict=True))
 
-    def _observations(self) -> dict[str, np.ndarray]:
-        states = self.world.states()
+    def _observations(self, states: np.ndarray) -> dict[str, np.ndarray]:
         rows = {int(id): row for row, id in enumerate(states[:, 0])}
         left = max(0.0, 1.0 - self.world.time_s / self.world.duration_s)
         nothing = np.zeros(_SIZE, dtype=np.float32)
