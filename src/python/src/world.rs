@@ -80,8 +80,9 @@ impl City {
         Ok(())
     }
 
-    fn step(&mut self, ticks: u64) -> PyResult<()> {
-        for _ in 0..ticks {
+    /// Simulates a time span, seconds.
+    fn simulate(&mut self, seconds: f64) -> PyResult<()> {
+        for _ in 0..self.ticks(seconds)? {
             let snapshot = self.run.step();
             self.events.extend_from_slice(&snapshot.events);
             self.drivers.raise()?;
@@ -222,11 +223,7 @@ impl World {
     /// Simulates a time span, seconds; other threads of Python run meanwhile.
     #[pyo3(signature = (seconds = 0.1))]
     fn step(&self, py: Python<'_>, seconds: f64) -> PyResult<()> {
-        py.detach(|| {
-            let mut city = self.city()?;
-            let ticks = city.ticks(seconds)?;
-            city.step(ticks)
-        })
+        py.detach(|| self.city()?.simulate(seconds))
     }
 
     /// A row of numbers for each vehicle, in id order; `city3d.COLUMNS` names the columns.
@@ -399,11 +396,5 @@ impl World {
 #[pyo3(signature = (worlds, seconds = 0.1))]
 pub fn step_worlds(py: Python<'_>, worlds: Vec<Py<World>>, seconds: f64) -> PyResult<()> {
     let worlds: Vec<&World> = worlds.iter().map(Py::get).collect();
-    py.detach(|| {
-        worlds.par_iter().try_for_each(|world| {
-            let mut city = world.city()?;
-            let ticks = city.ticks(seconds)?;
-            city.step(ticks)
-        })
-    })
+    py.detach(|| worlds.par_iter().try_for_each(|world| world.city()?.simulate(seconds)))
 }
