@@ -71,6 +71,8 @@ pub struct CityMeasures {
     pub stops: Option<u64>,
     /// Mean delay of the trips.
     pub mean_delay_s: Option<f64>,
+    /// Vehicles that arrive in an hour, where at least two have.
+    pub throughput_per_h: Option<f64>,
     /// Time that all vehicles stood.
     pub stood_s: Option<f64>,
     /// Fuel of all vehicles.
@@ -95,6 +97,9 @@ pub struct VehicleMeasures {
     /// Its share of the traffic's measures.
     #[serde(default)]
     pub traffic: VehicleTrafficMeasures,
+    /// How often it stood, by its events; a summary of an earlier version does not say.
+    #[serde(rename = "stops")]
+    pub standstills: Option<u64>,
     /// Longest standstill.
     pub longest_stand_s: f64,
     /// One between two vehicles counts for both.
@@ -160,6 +165,7 @@ impl RunMeasures {
             traffic: VehicleTrafficMeasures {
                 slow_stops: vehicle.traffic.as_ref().map(|traffic| traffic.slow_stops.into()),
             },
+            standstills: Some(vehicle.stops.into()),
             longest_stand_s: vehicle.longest_stand_s,
             collisions: vehicle.collisions.into(),
             driven_by_hand: vehicle.driven_by_hand,
@@ -176,6 +182,7 @@ impl RunMeasures {
                 arrived: Some(summary.traffic.arrived as u64),
                 stops: Some(trips.stops.into()),
                 mean_delay_s: trips.mean_delay_s,
+                throughput_per_h: trips.throughput_per_h,
                 stood_s: Some(trips.stood_s),
                 fuel_ml: Some(summary.traffic.effort.fuel_ml),
                 min_ttc_s: safety.min_ttc_s,
@@ -214,6 +221,11 @@ impl RunMeasures {
     /// How often vehicles came to stand; 0 of a run that did not count it.
     pub fn stops(&self) -> u64 {
         self.traffic.stops.unwrap_or_default()
+    }
+
+    /// How often vehicles stood; `None` of a run that does not say.
+    pub fn standstills(&self) -> Option<u64> {
+        self.vehicles.values().map(|vehicle| vehicle.standstills).sum()
     }
 
     /// Names of the vehicles that a person has driven.

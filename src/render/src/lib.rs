@@ -58,6 +58,7 @@ pub use files::{FlowFormat, PictureFormat};
 pub use flow::Motion;
 pub use image::{Image, Plane};
 pub use overlay::{Overlay, OverlayLine, OverlayPaint, OverlayTriangle};
+pub use passes::palette::instance_colour;
 pub use picture_table::{PictureCamera, PictureRow, PictureTable, PictureTableError};
 pub use png::{encode_png, write_png};
 pub use readback::{MappedReadback, PendingReadback, read_texture};

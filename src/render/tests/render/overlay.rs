@@ -1,13 +1,17 @@
 //! Overlays over pictures, and depth, classes and instances in colours.
 
 use crate::drawing::software;
-use city3d_protocol::snapshot::FrameSnapshot;
+use city3d_protocol::snapshot::{
+    Appearance, Dimensions, FrameSnapshot, VehicleId, VehicleInfo, VehicleState,
+};
 use city3d_render::{
-    Context, Image, Overlay, OverlayPaint, Quality, Renderer, Settings, TargetView, read_texture,
+    Context, Image, Overlay, OverlayPaint, Quality, Renderer, Settings, TargetView, instance_colour,
+    read_texture,
 };
 use city3d_scene::{Class, Finish, Mesh, SceneDescription, SceneObject, Surface};
 use city3d_sensors::{Extrinsics, Lens, PictureKind, View};
 use glam::{DVec3, Vec3};
+use std::sync::Arc;
 
 const EXTENT: [u32; 2] = [160, 120];
 const RED: [u8; 4] = [255, 0, 0, 255];
@@ -36,6 +40,15 @@ fn view() -> View {
 }
 
 fn drawn(context: &Context, quality: Quality, kind: PictureKind, overlay: Option<&Overlay>) -> Image {
+    drawn_with(context, &FrameSnapshot::default(), (quality, kind, overlay))
+}
+
+/// With vehicles.
+fn drawn_with(
+    context: &Context,
+    seen: &FrameSnapshot,
+    (quality, kind, overlay): (Quality, PictureKind, Option<&Overlay>),
+) -> Image {
     let format = wgpu::TextureFormat::Rgba8Unorm;
     let settings = Settings { quality, ..Settings::default() };
     let mut renderer = Renderer::new(context, &scene(), settings).expect("a renderer");
@@ -51,7 +64,7 @@ fn drawn(context: &Context, quality: Quality, kind: PictureKind, overlay: Option
     });
     let color = texture.create_view(&wgpu::TextureViewDescriptor::default());
     let target = TargetView { kind, overlay, ..TargetView::new(&color, format, EXTENT) };
-    renderer.draw(&FrameSnapshot::default(), &[view()], &[target]).expect("drawn");
+    renderer.draw(seen, &[view()], &[target]).expect("drawn");
     read_texture(context, &texture).expect("read")
 }
 
@@ -108,4 +121,36 @@ fn depth_and_classes_are_drawn_in_colours() {
     }
     let instances = drawn(&context, Quality::LOW, PictureKind::Instance, None);
     assert_eq!(at(&instances, wall), [0; 3], "there is no vehicle");
+}
+
+#[test]
+fn vehicles_have_the_colours_that_a_legend_can_tell() {
+    let Some(context) = software() else { return };
+    for number in [1, 5, 6, 40, 1203] {
+        let id = VehicleId(number);
+        let dimensions = Dimensions {
+            length_m: 4.5,
+            width_m: 1.8,
+            height_m: 1.5,
+            wheelbase_m: 2.7,
+            track_m: 1.5,
+            wheel_radius_m: 0.32,
+        };
+        let info = VehicleInfo {
+            id,
+            name: "car".to_owned(),
+            dimensions,
+            appearance: Appearance::default(),
+            model: "raycast".to_owned(),
+        };
+        let seen = FrameSnapshot {
+            vehicles: vec![VehicleState { id, ..VehicleState::default() }],
+            roster: Arc::new(vec![info]),
+            ..FrameSnapshot::default()
+        };
+        let image = drawn_with(&context, &seen, (Quality::LOW, PictureKind::Instance, None));
+        let found = at(&image, DVec3::new(0.0, 0.0, 0.7));
+        let told = instance_colour(id);
+        assert!(found.iter().zip(told).all(|(a, b)| a.abs_diff(b) <= 2), "{number}: {found:?}, {told:?}");
+    }
 }

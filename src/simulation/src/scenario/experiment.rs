@@ -184,6 +184,8 @@ pub struct Experiment {
     pub description: String,
     /// Seed of the random streams of traffic and environment.
     pub seed: u64,
+    /// Traffic is drawn from the seed.
+    pub traffic_is_drawn: bool,
     /// Duration of a run, simulated seconds.
     pub duration_s: f64,
     /// Passages and trips that begin earlier do not count in the totals of the measures.
@@ -279,6 +281,11 @@ impl Experiment {
         } else {
             "own"
         }
+    }
+
+    /// Whether another seed makes another run.
+    pub fn depends_on_seed(&self) -> bool {
+        self.traffic_is_drawn || self.environment != EnvironmentSpec::IDEAL
     }
 
     /// Seed and environment of its runs, in words.

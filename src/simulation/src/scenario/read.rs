@@ -363,6 +363,7 @@ impl ScenarioReader<'_> {
         basis.read_traffic(root, &named, &mut fleet);
         let demand = basis.read_inflows(root, &named, &fleet);
         // Errors under these keys have been reported.
+        let traffic_is_drawn = ["traffic", "inflow"].map(|key| root.entry(key).is_some()).contains(&true);
         let is_asked_for =
             ["vehicle", "traffic", "inflow"].map(|key| root.entry(key).is_some()).contains(&true);
         let needs_vehicles = !self.overrides.allows_no_vehicles && demand.inflows.is_empty();
@@ -389,6 +390,7 @@ impl ScenarioReader<'_> {
             name,
             description,
             seed,
+            traffic_is_drawn,
             duration_s,
             warm_up_s,
             rates,

@@ -1,15 +1,20 @@
 //! The legend of a picture of depth, classes or instances, below it.
 
 use city3d_geometry::trig;
+use city3d_protocol::snapshot::{FrameSnapshot, VehicleId};
+use city3d_render::instance_colour;
 use city3d_scene::Class;
-use city3d_sensors::PictureKind;
+use city3d_sensors::{PictureKind, View};
 use egui::{Align2, Color32, FontId, Painter, Rect, Vec2, pos2, vec2};
+use glam::DVec3;
 
 const FONT: FontId = FontId::proportional(11.0);
 const ROW: f32 = 14.0;
 const SWATCH: f32 = 9.0;
 /// Between an entry and the next one, points.
 const APART: f32 = 8.0;
+/// Of a vehicle above the ground, metres.
+const MIDDLE_M: f64 = 0.7;
 /// Between the edge of the ground and what is written there, points.
 const MARGIN: Vec2 = vec2(4.0, 2.0);
 /// From which to which depth the greys of a picture are told apart, metres, and the grey of the far end: as in
@@ -19,6 +24,20 @@ const FAR_M: f64 = 200.0;
 const FAR_GREY: f64 = 0.08;
 /// Depths that are written on the scale, metres.
 const TICKS_M: [f64; 4] = [1.0, 5.0, 25.0, 200.0];
+
+/// The vehicles in a picture, the nearest first.
+pub fn seen(view: &View, snapshot: &FrameSnapshot) -> Vec<VehicleId> {
+    let [width, height] = view.extent.map(f64::from);
+    let eye = view.extrinsics.position;
+    let others = snapshot.vehicles.iter().filter(|vehicle| view.carrier != Some(vehicle.id));
+    let in_sight = others.filter(|vehicle| {
+        let pixel = view.project(vehicle.position + DVec3::Z * MIDDLE_M);
+        pixel.is_some_and(|pixel| (0.0..width).contains(&pixel.x) && (0.0..height).contains(&pixel.y))
+    });
+    let mut found: Vec<_> = in_sight.map(|vehicle| (vehicle.position.distance(eye), vehicle.id)).collect();
+    found.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+    found.into_iter().map(|(_, id)| id).collect()
+}
 
 /// What the colours of a picture mean, for those who do not see them; empty for a picture in colour.
 pub fn words(kind: PictureKind) -> String {
@@ -49,21 +68,39 @@ pub fn height(painter: &Painter, width: f32, kind: PictureKind) -> f32 {
 }
 
 /// Paints the legend into the rectangle below a picture.
-pub fn paint(painter: &Painter, below: Rect, kind: PictureKind) {
+pub fn paint(painter: &Painter, below: Rect, kind: PictureKind, seen: &[VehicleId]) {
     match kind {
         PictureKind::Rgb => {}
         PictureKind::Depth => depth(painter, below),
         PictureKind::Semantic => classes(painter, below),
-        PictureKind::Instance => {
-            let ground = ground(painter, below);
-            text(
-                painter,
-                ground.left_center(),
-                Align2::LEFT_CENTER,
-                "a colour for each vehicle; the rest black",
-            );
-        }
+        PictureKind::Instance => instances(painter, below, seen),
     }
+}
+
+/// Numbers of the nearest vehicles with their colours.
+fn instances(painter: &Painter, below: Rect, seen: &[VehicleId]) {
+    let ground = ground(painter, below);
+    let mut at = ground.left_center();
+    let words = if seen.is_empty() { "a colour for each vehicle; none is near" } else { "vehicle" };
+    at.x = text(painter, at, Align2::LEFT_CENTER, words).right() + APART;
+    for id in seen {
+        let number = painter.layout_no_wrap(id.to_string(), FONT, Color32::WHITE);
+        if at.x + SWATCH + 3.0 + number.size().x > ground.right() {
+            break;
+        }
+        let [r, g, b] = instance_colour(*id);
+        swatch(painter, at, Color32::from_rgb(r, g, b));
+        at.x =
+            text(painter, at + vec2(SWATCH + 3.0, 0.0), Align2::LEFT_CENTER, &id.to_string()).right() + APART;
+    }
+}
+
+/// A patch of a colour that begins at the middle of its left edge.
+fn swatch(painter: &Painter, at: egui::Pos2, colour: Color32) {
+    let swatch = Rect::from_center_size(at + vec2(SWATCH / 2.0, 0.0), Vec2::splat(SWATCH));
+    painter.rect_filled(swatch, 1.0, colour);
+    // Some of the colours are as dark as the ground.
+    painter.rect_stroke(swatch, 1.0, (1.0, Color32::from_gray(150)), egui::StrokeKind::Outside);
 }
 
 /// The names of the classes, in rows as wide as the picture.
@@ -92,10 +129,7 @@ fn classes(painter: &Painter, below: Rect) {
         for (class, left) in row {
             let middle = ground.left_top() + vec2(*left, ROW * (k as f32 + 0.5));
             let [r, g, b] = class.colour();
-            let swatch = Rect::from_center_size(middle + vec2(SWATCH / 2.0, 0.0), Vec2::splat(SWATCH));
-            painter.rect_filled(swatch, 1.0, Color32::from_rgb(r, g, b));
-            // Some of the colours are as dark as the ground.
-            painter.rect_stroke(swatch, 1.0, (1.0, Color32::from_gray(150)), egui::StrokeKind::Outside);
+            swatch(painter, middle, Color32::from_rgb(r, g, b));
             text(painter, middle + vec2(SWATCH + 3.0, 0.0), Align2::LEFT_CENTER, class.name());
         }
     }
@@ -130,6 +164,6 @@ fn ground(painter: &Painter, below: Rect) -> Rect {
     below.shrink2(MARGIN)
 }
 
-fn text(painter: &Painter, at: egui::Pos2, align: Align2, words: &str) {
-    painter.text(at, align, words, FONT, Color32::WHITE);
+fn text(painter: &Painter, at: egui::Pos2, align: Align2, words: &str) -> Rect {
+    painter.text(at, align, words, FONT, Color32::WHITE)
 }

@@ -327,11 +327,15 @@ fn picture(ui: &mut Ui, (preview, aspect): (&Preview, f32), shown: &ViewModel<'_
     let rect = egui::Rect::from_min_size(rect.min.round_to_pixels(per_point), size);
     let slot = PictureSlot::Preview(preview.vehicle);
     let extent = super::pixels(size, per_point);
+    let mut seen = Vec::new();
     if let Some(view) = preview.view(shown.interpolated, shown.cameras_of(preview.vehicle), extent) {
+        if preview.kind == PictureKind::Instance {
+            seen = picture_legend::seen(&view, shown.interpolated);
+        }
         state.pictures.push(PictureRequest { slot, view, kind: preview.kind });
     }
     super::paint_picture(ui, rect, shown, slot);
-    picture_legend::paint(&ui.painter_at(below), below, preview.kind);
+    picture_legend::paint(&ui.painter_at(below), below, preview.kind, &seen);
 }
 
 /// Least and largest width of the list of cameras and kinds; its texts do not widen it, so that nothing below moves, points.
@@ -526,7 +530,7 @@ impl SmallPlot<'_> {
             .allow_scroll(false)
             .custom_x_axes(vec![time])
             .custom_y_axes(vec![value])
-            .label_formatter(super::charts::hover_words(axes, decimal))
+            .label_formatter(super::charts::hover::words_near(axes, decimal))
             .x_grid_spacer(|_| marks((-KEPT_S, 0.0), KEPT_S / 2.0))
             .y_grid_spacer(|grid| marks(grid.bounds, round_step(grid.bounds.1 - grid.bounds.0, 3.0)))
             .show(ui, |plot| plot.line(line));

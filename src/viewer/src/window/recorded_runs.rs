@@ -37,8 +37,19 @@ const SUMMARY: &str = "summary.json";
 /// Seed and environment that the summary of a run states, in few words: the lists are narrow.
 fn conditions(folder: &Path) -> Option<String> {
     let RunMeasures { seed, environment, .. } = RunMeasures::read(folder).ok()?;
-    let environment = if environment.is_empty() { environment } else { format!(", {environment}") };
-    Some(format!("seed {seed}{environment}"))
+    Some(conditions_of(seed, &environment))
+}
+
+fn conditions_of(seed: u64, environment: &str) -> String {
+    match environment {
+        "" => format!("seed {seed}"),
+        _ => format!("seed {seed}, {environment}"),
+    }
+}
+
+/// Name of the run in a folder, with its seed and environment.
+pub fn named(folder: &Path, (seed, environment): (u64, &str)) -> String {
+    RunFolder::of(folder).name(Some(conditions_of(seed, environment)))
 }
 
 fn find(folder: &Path, depth: usize, found: &mut Vec<(SystemTime, PathBuf)>) {

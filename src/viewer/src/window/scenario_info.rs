@@ -2,6 +2,7 @@
 
 use crate::cockpit::SteeringGeometry;
 use crate::ui::{ControlZoneArea, DriverNames, ScenarioCamera, ScenarioChoice, VehicleNames};
+use city3d_logbook::measures::RunMeasures;
 use city3d_protocol::snapshot::VehicleId;
 use city3d_roadmap::LaneId;
 use city3d_scene::{RoadsOut, SceneDescription, Wall};
@@ -23,6 +24,8 @@ pub(super) struct ScenarioInfo {
     pub own: Option<VehicleId>,
     /// Pedals, steering and lateral errors are known; otherwise only poses are.
     pub has_control_data: bool,
+    /// Measures of the recorded run that is shown, where its folder has them.
+    pub recorded: Option<RunMeasures>,
 }
 
 fn own_camera(sensor: &Sensor) -> ScenarioCamera {
@@ -50,6 +53,7 @@ impl ScenarioInfo {
             roads_out: RoadsOut::of(&experiment.city_map),
             own: vehicles().find(|v| v.is_human).map(|v| v.id),
             has_control_data: true,
+            recorded: None,
         }
     }
 }

@@ -433,6 +433,8 @@ impl ViewerState {
             runs: RunsView {
                 lists: &self.lists,
                 may_run_again: self.again.is_some(),
+                depends_on_seed: self.experiment.depends_on_seed(),
+                recorded: self.scenario_info.recorded.as_ref(),
                 curves: self.curves.view(),
             },
             past,

@@ -50,7 +50,7 @@ pub fn desks() -> [Desk; 6] {
     replay.recording = Some(Recording { head, marks, searched: 1.0, truncation: None });
     let mut editing = selected();
     editing.edit = Some(EditedFile { has_history: true, ..EditedFile::of_fleet(3) });
-    let mut finished = super::runs::finished();
+    let mut finished = super::end_card::finished();
     // Its card was put away.
     finished.state.runs.end_card.open(1);
     finished.state.runs.end_card.close();
@@ -122,7 +122,7 @@ fn the_palette_finds_vehicles_speeds_and_scenarios_by_their_names() {
 
 #[test]
 fn the_palette_finds_actions_by_the_words_that_others_use() {
-    let mut harness = harness(super::runs::finished());
+    let mut harness = harness(super::end_card::finished());
     for (words, first) in [
         ("replay", "Replay the run from its log"),
         ("result", "Show the result of the run"),

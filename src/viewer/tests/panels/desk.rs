@@ -1,6 +1,7 @@
 //! A desk for the panels: everything that they are shown, and what they ask for.
 
 use city3d_logbook::figures::chart::Figure;
+use city3d_logbook::measures::RunMeasures;
 use city3d_protocol::snapshot::{
     Appearance, Dimensions, FrameSnapshot, Status, VehicleId, VehicleInfo, VehicleState,
 };
@@ -69,6 +70,9 @@ pub struct Desk {
     pub has_control_data: bool,
     pub city: CityKind,
     pub lists: StartLists,
+    pub depends_on_seed: bool,
+    /// Measures of a recorded run.
+    pub recorded: Option<RunMeasures>,
     /// Name of the scenario.
     pub scenario: &'static str,
     pub edit: Option<EditedFile>,
@@ -194,6 +198,8 @@ impl Desk {
             events: Vec::new(),
             city: CityKind::Local,
             lists: StartLists::default(),
+            depends_on_seed: true,
+            recorded: None,
             scenario: "straight",
             edit: None,
         }
@@ -253,7 +259,13 @@ impl Desk {
             most_moving_pixels: Some(100_000),
             has_control_data: self.has_control_data,
             city: self.city,
-            runs: RunsView { lists: &self.lists, may_run_again: true, curves },
+            runs: RunsView {
+                lists: &self.lists,
+                may_run_again: true,
+                depends_on_seed: self.depends_on_seed,
+                recorded: self.recorded.as_ref(),
+                curves,
+            },
             replay: self.recording.as_ref().map(|recording| ReplayView {
                 name: "straight",
                 head: recording.head,

@@ -2,7 +2,7 @@
 
 use super::city::{place, spread, vehicle_at};
 use super::desk::{Desk, click, fleet, harness, press, with};
-use super::runs::finished;
+use super::end_card::finished;
 use city3d_protocol::snapshot::VehicleId;
 use city3d_session::RunPhase;
 use city3d_viewer::ui::{Layout, Panel, PictureSlot, SpeedUnit, Theme};

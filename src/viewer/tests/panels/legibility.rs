@@ -2,7 +2,7 @@
 
 use super::city::{has_text, place, texts};
 use super::desk::{Desk, click, fleet, harness, press, with};
-use super::runs::finished;
+use super::end_card::finished;
 use city3d_logbook::measures::RunMeasures;
 use city3d_protocol::snapshot::VehicleId;
 use city3d_simulation::environment::EnvironmentProfile;
@@ -62,7 +62,7 @@ fn no_text_is_smaller_than_eleven_points() {
 #[test]
 fn the_scroll_bar_of_a_comparison_covers_no_number() {
     let mut harness = harness(finished());
-    let present = RunMeasures::of(&super::runs::outcome());
+    let present = RunMeasures::of(&super::end_card::outcome());
     let mut pairs = present.beside(&present);
     while pairs.len() < 60 {
         pairs.extend(pairs.clone());

@@ -7,6 +7,7 @@ mod commands;
 mod controllers;
 mod desk;
 mod editing;
+mod end_card;
 mod insight;
 mod keys;
 mod layout;

@@ -1,7 +1,7 @@
 //! What the bar, the keys and the card offer at the start of a run, later, and at its end.
 
 use super::desk::{Desk, fleet, harness, press};
-use super::runs::{finished, outcome};
+use super::end_card::{finished, outcome};
 use city3d_protocol::snapshot::VehicleId;
 use city3d_session::{Order, RunPhase};
 use city3d_viewer::ui::{ManualDrive, UiAction};

@@ -37,7 +37,7 @@ registry!(
     .known_as("restart repeat noise delay loss laboratory")
     .only(may_run_again),
     RESULT = Command::always("Show the result of the run", &[], |c| {
-        if c.timeline.shown == ShownTime::Past {
+        if c.timeline.shown == ShownTime::Past && c.shown.replay.is_none() {
             c.play(PlaybackCommand::Live);
         }
         c.state.runs.comparison.close();
@@ -61,10 +61,14 @@ fn is_local(_: &UiState, shown: &ViewModel<'_>) -> Availability {
     if shown.city == CityKind::Local { Availability::Now } else { Availability::After(Hint::new(ONLY_LOCAL)) }
 }
 
-/// A run of this window has a result once it has come to the end of its scenario.
+/// A run of this window has a result once it has come to the end of its scenario; a recorded one has that of its folder.
 fn has_result(_: &UiState, shown: &ViewModel<'_>) -> Availability {
     let lacks = "The run has a result once it has come to the end of its scenario";
-    of_own_run(shown, shown.run_state.outcome.is_some(), lacks)
+    match shown.replay {
+        Some(_) if shown.runs.recorded.is_some() => Availability::Now,
+        Some(_) => Availability::After(Hint::new("There is no summary.json in the folder of this log")),
+        None => of_own_run(shown, shown.run_state.outcome.is_some(), lacks),
+    }
 }
 
 fn has_log(_: &UiState, shown: &ViewModel<'_>) -> Availability {

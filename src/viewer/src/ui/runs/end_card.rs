@@ -1,4 +1,4 @@
-//! The card of a finished run: what came of it, and what to do next.
+//! The card of a finished run, or of a recorded one: what came of it, and what to do next.
 
 use super::super::traffic;
 use super::super::{CityKind, DecimalSeparator, Layout, UiAction, UiState, ViewModel};
@@ -9,12 +9,16 @@ use city3d_logbook::measures::RunMeasures;
 use city3d_protocol::snapshot::Status;
 use city3d_session::{Order, RunPhase};
 use city3d_simulation::environment::EnvironmentProfile;
-use city3d_simulation::measures::{TrafficMeasures, TrafficReport};
+use city3d_simulation::measures::TrafficMeasures;
 use egui::{Align2, Grid, RichText, TextEdit, Ui, Vec2};
+use std::path::Path;
 
 /// In place of measures that a run does not have.
 const NO_THROUGHPUT: &str = "none: fewer than two arrivals counted";
 const NO_DELAY: &str = "none: no vehicle has a known way";
+/// Of a run in which nothing is drawn at random.
+const SEED_IS_UNUSED: &str =
+    "Nothing is random in it: another seed makes the same run, but in the testbed environment.";
 /// For so many frames it is put to its place: at first it is wider than it will be, and egui would move it.
 const PLACING_FRAMES: u8 = 6;
 /// About its size, points.
@@ -58,37 +62,39 @@ impl EndCard {
     }
 }
 
-/// Shows the card once the scenario's duration is over, and when it is asked for.
+/// Shows the card once the scenario's duration is over, and when it is asked for; that of a recorded run when it is asked for.
 pub(super) fn window(ui: &Ui, state: &mut UiState, shown: &ViewModel<'_>, actions: &mut Vec<UiAction>) {
     let run_state = shown.run_state;
     let is_over = run_state.phase == RunPhase::Over;
     let is_asked = state.runs.end_card.asked == Some(run_state.run);
-    let is_finished = (is_over || is_asked) && shown.city == CityKind::Local && shown.replay.is_none();
+    let is_live = shown.replay.is_none();
+    let is_finished = ((is_over && is_live) || is_asked) && shown.city == CityKind::Local;
     // Who looks back at a collision, or compares, has the view for it; the card comes back with the present.
     let gives_way = shown.past.is_shown || state.runs.comparison.is_open();
     let card = &mut state.runs.end_card;
     card.shown = None;
-    let Some(outcome) = run_state.outcome.as_ref().filter(|_| is_finished && !gives_way) else { return };
-    if card.closed == Some(run_state.run) {
+    if !is_finished || gives_way || card.closed == Some(run_state.run) {
         return;
     }
+    let Some(measures) = measures(shown) else { return };
     card.shown = Some(run_state.run);
     if card.seed.1 != Some(run_state.run) {
-        card.seed = (outcome.seed.wrapping_add(1).to_string(), Some(run_state.run));
+        card.seed = (measures.seed.wrapping_add(1).to_string(), Some(run_state.run));
         card.environment = None;
     }
     let frames = card.placed.filter(|(run, _)| *run == run_state.run).map_or(0, |(_, frames)| frames);
     card.placed = Some((run_state.run, (frames + 1).min(PLACING_FRAMES)));
     let place = (frames < PLACING_FRAMES).then(|| Layout::place_beside(ui, SIZE, (&*state, shown)));
     let card = &mut state.runs.end_card;
-    let measures = RunMeasures::of(outcome);
     let units = state.preferences.units;
     let decimal = state.preferences.decimal;
     let mean_speed = units.number(measures.mean_speed_mps, shown.scale(), decimal);
     let mean_speed = format!("{mean_speed} {}", units.label());
     let mut is_open = true;
     let mut compares = false;
-    let window = super::super::sheet(ui, "Run finished").pivot(Align2::LEFT_TOP).open(&mut is_open);
+    let title = if is_live { "Run finished" } else { "Recorded run" };
+    // Folded to its title it is out of the way.
+    let window = super::super::sheet(ui, title).pivot(Align2::LEFT_TOP).collapsible(true).open(&mut is_open);
     // Where it hides nothing at first; the user may move it.
     let window = if let Some(place) = place { window.current_pos(place) } else { window };
     window.show(ui.ctx(), |ui| {
@@ -106,18 +112,18 @@ pub(super) fn window(ui: &Ui, state: &mut UiState, shown: &ViewModel<'_>, action
         }
         ui.add_space(4.0);
         // Beyond the end the numbers of the zones are no longer those of the result.
-        let zones = is_over.then(|| shown.traffic.measures());
-        let standstills = outcome.vehicles.values().map(|vehicle| vehicle.stops).sum();
-        results(ui, (&measures, &outcome.traffic, standstills), (&mean_speed, decimal), zones);
-        if run_state.now.vehicles.iter().any(|vehicle| vehicle.status == Status::Collided) {
+        let zones = (is_over && is_live).then(|| shown.traffic.measures());
+        results(ui, &measures, (&mean_speed, decimal), zones);
+        if is_live && run_state.now.vehicles.iter().any(|vehicle| vehicle.status == Status::Collided) {
             ui.label("Vehicles that have collided stay where they are: a new run puts all of them back.");
         }
         ui.add_space(4.0);
         log(ui, shown);
         ui.separator();
         ui.horizontal(|ui| {
-            let replay = ui.add_enabled(run_state.folder.is_some(), egui::Button::new("Replay"));
-            if replay.on_hover_text("Play the run from its log: the run ends here").clicked() {
+            let replay = egui::Button::new("Replay");
+            let tip = "Play the run from its log: the run ends here";
+            if is_live && ui.add_enabled(run_state.folder.is_some(), replay).on_hover_text(tip).clicked() {
                 actions.push(UiAction::Replay);
             }
             compares =
@@ -126,12 +132,16 @@ pub(super) fn window(ui: &Ui, state: &mut UiState, shown: &ViewModel<'_>, action
                 "Simulate beyond the {} s of the scenario, until paused",
                 decimal.plain(shown.duration_s)
             );
-            if is_over && !run_state.has_ended && ui.button("Continue").on_hover_text(tip).clicked() {
+            if is_live
+                && is_over
+                && !run_state.has_ended
+                && ui.button("Continue").on_hover_text(tip).clicked()
+            {
                 actions.push(UiAction::Order(Order::Start));
             }
         });
         if shown.runs.may_run_again {
-            run_again(ui, card, actions);
+            run_again(ui, card, shown, actions);
         }
     });
     if !is_open {
@@ -139,6 +149,14 @@ pub(super) fn window(ui: &Ui, state: &mut UiState, shown: &ViewModel<'_>, action
     }
     if compares {
         state.runs.comparison.choose();
+    }
+}
+
+/// Measures of the finished run, or of the recorded one on display.
+fn measures(shown: &ViewModel<'_>) -> Option<RunMeasures> {
+    match shown.replay {
+        Some(_) => shown.runs.recorded.cloned(),
+        None => shown.run_state.outcome.as_deref().map(RunMeasures::of),
     }
 }
 
@@ -160,7 +178,7 @@ fn tip_of(name: &str) -> Option<&'static str> {
 
 fn results(
     ui: &mut Ui,
-    (measures, report, standstills): (&RunMeasures, &TrafficReport, u32),
+    measures: &RunMeasures,
     (mean_speed, decimal): (&str, DecimalSeparator),
     traffic: Option<&TrafficMeasures>,
 ) {
@@ -180,18 +198,18 @@ fn results(
         };
         row("Collisions", measures.collisions.to_string(), measures.collisions > 0);
         row(traffic::SLOW_STOPS, measures.stops().to_string(), false);
-        row(STANDSTILLS, standstills.to_string(), false);
+        let standstills = measures.standstills().map_or_else(|| "-".to_owned(), |count| count.to_string());
+        row(STANDSTILLS, standstills, false);
         row("Mean speed", mean_speed.to_owned(), false);
         let number = |value: Option<f64>, digits: usize, unit: &str| {
             value.map_or_else(|| "-".to_owned(), |value| format!("{} {unit}", decimal.fixed(value, digits)))
         };
-        let trips = &report.trips;
-        let throughput = match trips.throughput_per_h {
+        let throughput = match measures.traffic.throughput_per_h {
             None => NO_THROUGHPUT.to_owned(),
             of_trips => number(of_trips, 0, "vehicles/h"),
         };
         row("Throughput", throughput, false);
-        let delay = match trips.mean_delay_s {
+        let delay = match measures.traffic.mean_delay_s {
             None => NO_DELAY.to_owned(),
             of_trips => number(of_trips, 1, "s"),
         };
@@ -226,7 +244,8 @@ const FOLDER: &str =
     "Log, table and summary; screenshots, videos and charts of the run are written there, too";
 
 fn log(ui: &mut Ui, shown: &ViewModel<'_>) {
-    let Some(folder) = &shown.run_state.folder else {
+    let of_log = shown.replay.and_then(|_| Path::new(shown.scenario).parent());
+    let Some(folder) = of_log.or(shown.run_state.folder.as_deref()) else {
         ui.label("The run was not recorded.");
         return;
     };
@@ -240,7 +259,7 @@ fn log(ui: &mut Ui, shown: &ViewModel<'_>) {
     ui.add(egui::Label::new(RichText::new(path).small()).wrap());
 }
 
-fn run_again(ui: &mut Ui, card: &mut EndCard, actions: &mut Vec<UiAction>) {
+fn run_again(ui: &mut Ui, card: &mut EndCard, shown: &ViewModel<'_>, actions: &mut Vec<UiAction>) {
     let found = seed(&card.seed.0);
     ui.horizontal_wrapped(|ui| {
         let tip = "The same scenario from its beginning, with this seed and in this environment";
@@ -252,6 +271,9 @@ fn run_again(ui: &mut Ui, card: &mut EndCard, actions: &mut Vec<UiAction>) {
         ui.add(TextEdit::singleline(&mut card.seed.0).desired_width(70.0)).labelled_by(label.id);
         environment(ui, &mut card.environment, "as before");
     });
+    if !shown.runs.depends_on_seed && card.environment != Some(EnvironmentProfile::Testbed) {
+        ui.weak(SEED_IS_UNUSED);
+    }
     if let Err(why) = found {
         ui.colored_label(ui.visuals().error_fg_color, why);
     }

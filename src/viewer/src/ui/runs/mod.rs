@@ -19,6 +19,7 @@ pub use question::{LeaveQuestion, Problem, ResetQuestion};
 pub use start_page::StartPage;
 
 use super::{CityKind, UiAction, UiState, ViewModel};
+use city3d_logbook::measures::RunMeasures;
 use city3d_simulation::environment::EnvironmentProfile;
 use city3d_simulation::scenario::Overrides;
 use egui::{Align2, Color32, FontId, Id, LayerId, Order, Ui};
@@ -79,6 +80,10 @@ pub struct RunsView<'a> {
     pub lists: &'a StartLists,
     /// The scenario that is shown can be run again from here.
     pub may_run_again: bool,
+    /// Another seed makes another run of it.
+    pub depends_on_seed: bool,
+    /// Measures of the recorded run that is shown, where its folder has them.
+    pub recorded: Option<&'a RunMeasures>,
     /// Curves of the two runs that are compared.
     pub curves: CurvesView<'a>,
 }

@@ -4,7 +4,7 @@ use super::super::WindowError;
 use super::super::compared_curves::{ComparedCurves, PresentRun};
 use super::super::figures::LiveFigures;
 use super::super::opening::{OpenTarget, Opening, log_in};
-use super::super::recorded_runs::recorded_runs;
+use super::super::recorded_runs::{self, recorded_runs};
 use super::super::recording::{LogLocation, recorded, start};
 use super::super::scenario_info::ScenarioInfo;
 use super::super::settings::runs_folder;
@@ -246,6 +246,7 @@ impl ViewerState {
         let Some(player) = self.player() else { return };
         let (truncation, origin) = (player.info().truncation, player.origin());
         self.scenario_info.has_control_data = origin.has_world();
+        self.scenario_info.recorded = RunMeasures::read(Path::new(&self.request.scenario)).ok();
         self.figures = LiveFigures::new(&self.experiment, origin);
         if origin == LogOrigin::Recorded {
             // The scenario's algorithm did not drive them.
@@ -285,9 +286,20 @@ impl ViewerState {
             let own = if let LogLocation::In(folder) = &self.recording.logs { Some(folder) } else { None };
             let folders = own.into_iter().chain(&self.lists.runs_folder).map(PathBuf::as_path);
             self.lists.runs = recorded_runs(folders, SystemTime::now());
+            self.name_present_run();
             self.lists.recent.retain(|path| path.exists());
         }
         self.lists_are_shown = is_shown;
+    }
+
+    /// The present run has no summary yet that tells its seed and environment.
+    fn name_present_run(&mut self) {
+        let folder = self.run_state().folder.clone();
+        let present = self.lists.runs.iter_mut().find(|run| Some(&run.folder) == folder.as_ref());
+        if let Some(run) = present.filter(|run| !run.has_summary) {
+            let of = &self.experiment;
+            run.name = recorded_runs::named(&run.folder, (of.seed, of.environment_name()));
+        }
     }
 
     /// Puts the measures of the present run beside those of another one.

@@ -104,6 +104,7 @@ fn a_finished_run_is_replayed_from_its_whole_log_and_run_again_with_another_seed
     enter_log(&mut viewer, &log);
     assert_eq!(viewer.player().unwrap().info().truncation, None);
     assert!(viewer.title().starts_with("Replay of "));
+    assert_eq!(viewer.scenario_info.recorded.as_ref().map(|measures| measures.simulated_s), Some(3.0));
     pass(&mut viewer);
     let again = opening(viewer.act(
         vec![UiAction::RunAgain(RunAgain { seed: Some(9), environment: Some(EnvironmentProfile::Testbed) })],
