@@ -193,6 +193,11 @@ fn lines_are_named_by_what_stands_there() {
     let figure = of(&figures, "space_time");
     let names: Vec<&str> = figure.legend.iter().map(|entry| entry.name.as_str()).collect();
     assert_eq!(names, ["signal red", "signal yellow"]);
+    // Each line of a vehicle has its name at its end.
+    let panel = &figure.panels[0];
+    let at_end = |at: &(f64, f64)| panel.lines.iter().any(|line| line.points.last() == Some(at));
+    assert!(!panel.names.is_empty() && panel.names.iter().all(|name| at_end(&name.at)), "{:?}", panel.names);
+    assert!(panel.names.iter().all(|name| !name.name.is_empty()), "{:?}", panel.names);
     let red = figure.legend[0].stroke;
     let bars: Vec<_> = figure.panels[0].lines.iter().filter(|line| line.stroke == red).collect();
     let line_at = figure.panels[0].rules.iter().find(|rule| rule.name == "signal").unwrap().at;

@@ -383,8 +383,8 @@ fn panels(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>, actions: &mut
         if shown.replay.is_none() {
             entries.push(&commands::CONTROLLERS);
             entries.push(&commands::EDIT);
-            entries.push(&commands::RESULT);
         }
+        entries.push(&commands::RESULT);
         entries.push(&commands::SETTINGS);
         for command in entries {
             let button = Button::new(command.name).shortcut_text(command.key(ui.ctx()));

@@ -2,7 +2,9 @@
 
 use super::city::{has_text, texts};
 use super::desk::{Desk, click, fleet, harness, press};
-use city3d_logbook::figures::chart::{ChartLine, Dash, Figure, LegendEntry, LineStyle, Panel, ReferenceLine};
+use city3d_logbook::figures::chart::{
+    ChartLine, Dash, Figure, LegendEntry, LineName, LineStyle, Panel, ReferenceLine,
+};
 use city3d_logbook::figures::{FigureScale, Quantity, TidyTable};
 use city3d_protocol::snapshot::VehicleId;
 use city3d_session::playback::PlaybackCommand;
@@ -34,6 +36,15 @@ pub fn figure() -> Figure {
         note: "Along the heading. Full scale.".to_owned(),
         table: TidyTable::default(),
     }
+}
+
+#[test]
+fn the_name_of_a_line_stands_at_its_end() {
+    let harness = open(|desk| {
+        let names = vec![LineName { at: (9.0, 90.0), name: "7 last".to_owned() }];
+        desk.chart.as_mut().unwrap().panels[0].names = names;
+    });
+    assert!(has_text(&harness, "7 last"), "{:?}", texts(&harness));
 }
 
 fn open(change: impl FnOnce(&mut Desk)) -> Harness<'static, Desk> {

@@ -73,6 +73,13 @@ fn a_list_opens_below_the_table_and_covers_nothing() {
     title(&harness, "Events");
     click(&mut harness, "Events");
     harness.get_by_label("Nothing has happened yet.");
+    // The key of a panel behind another one brings it to the front; that of the one in front closes it.
+    press(&mut harness, Key::F4);
+    harness.run_steps(3);
+    harness.get_by_label("Nothing has been measured yet: start the run.");
+    press(&mut harness, Key::F3);
+    harness.run_steps(3);
+    harness.get_by_label("Nothing has happened yet.");
     press(&mut harness, Key::Escape);
     assert!(harness.state().state.open.events, "Escape closes what lies over the city, not what is docked");
 }

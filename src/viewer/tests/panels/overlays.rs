@@ -3,7 +3,7 @@
 #![allow(clippy::disallowed_methods, reason = "looks at what is drawn; no state depends on it")]
 
 use super::city::{click_at, has_text, picture, place, spread, texts, vehicle_at};
-use super::desk::{Desk, click, harness, press};
+use super::desk::{Desk, EditedFile, click, harness, press};
 use city3d_protocol::snapshot::{ControlDecision, Status, VehicleId};
 use city3d_roadmap::LaneId;
 use city3d_sensors::{Lens, Mount};
@@ -241,6 +241,9 @@ fn paths_boxes_frusta_and_measured_poses_have_layers() {
         harness.run_steps(1);
     }
     assert!(switch(&mut harness, |layers, on| layers.tracks = on) >= 15);
+    harness.state_mut().edit = Some(EditedFile::of_fleet(3));
+    assert_eq!(switch(&mut harness, |layers, on| layers.tracks = on), 0, "what is edited has not driven");
+    harness.state_mut().edit = None;
 }
 
 fn city3d_geometry_pose(position: DVec2, yaw_rad: f64) -> city3d_geometry::Pose2 {

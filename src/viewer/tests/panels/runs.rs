@@ -1,19 +1,15 @@
 //! Getting in, and the end of a run: start page, file panel, questions and cards.
 
-use super::desk::{Desk, click, experiment, fleet, harness, press, with};
+use super::desk::{Desk, click, fleet, harness, press, with};
 use super::end_card::{finished, outcome};
 use city3d_logbook::figures::Quantity;
 use city3d_logbook::measures::RunMeasures;
-use city3d_protocol::snapshot::{Event, EventKind, FrameSnapshot, Status, VehicleId};
+use city3d_protocol::snapshot::VehicleId;
 use city3d_sensors::Weather;
-use city3d_session::{Order, RunPhase};
 use city3d_simulation::environment::EnvironmentProfile;
-use city3d_simulation::runner::{Observer, Summary};
 use city3d_simulation::scenario::Overrides;
-use city3d_viewer::ui::runs::{
-    ComparedRuns, FilePurpose, OpenRequest, Problem, ResetQuestion, RunAgain, RunEntry,
-};
-use city3d_viewer::ui::{DecimalSeparator, EditAction, PastView, SpeedUnit, UiAction};
+use city3d_viewer::ui::runs::{ComparedRuns, FilePurpose, OpenRequest, Problem, ResetQuestion, RunEntry};
+use city3d_viewer::ui::{DecimalSeparator, EditAction, SpeedUnit, UiAction};
 use egui::accesskit::Role;
 use egui::{Key, Modifiers};
 use egui_kittest::Harness;
