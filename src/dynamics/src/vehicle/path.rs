@@ -36,10 +36,43 @@ struct PathNode {
     span: CubicSpan,
 }
 
+/// Where the span to a node is. A search looks at those of a whole stretch and at few nodes, which are four times as large:
+/// in a city of thousands its time is that of reading memory.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct SpanPlace {
+    /// Of its end.
+    station: f64,
+    middle: DVec2,
+    /// The span is within this distance of its middle, metres.
+    reach_m: f64,
+}
+
 /// A path with stations: arc lengths from an origin that is kept as the path is renewed.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(from = "StoredPath", into = "StoredPath")]
 pub(super) struct Path {
     nodes: Vec<PathNode>,
+    /// One for each node.
+    places: Vec<SpanPlace>,
+}
+
+/// A path as saved states have it.
+#[derive(Serialize, Deserialize)]
+struct StoredPath {
+    nodes: Vec<PathNode>,
+}
+
+impl From<StoredPath> for Path {
+    fn from(StoredPath { nodes }: StoredPath) -> Self {
+        let places = nodes.iter().map(PathNode::place).collect();
+        Self { nodes, places }
+    }
+}
+
+impl From<Path> for StoredPath {
+    fn from(Path { nodes, .. }: Path) -> Self {
+        Self { nodes }
+    }
 }
 
 /// The nearest point of a path.
@@ -92,7 +125,13 @@ impl Path {
     /// Restarts with one pose at `station`.
     pub(super) fn restart(&mut self, station: f64, pose: Pose2) {
         self.nodes.clear();
-        self.nodes.push(PathNode { pose, forward: pose.forward(), station, span: CubicSpan::default() });
+        self.places.clear();
+        self.add(PathNode { pose, forward: pose.forward(), station, span: CubicSpan::default() });
+    }
+
+    fn add(&mut self, node: PathNode) {
+        self.places.push(node.place());
+        self.nodes.push(node);
     }
 
     /// Appends a pose and returns its station. A pose not ahead of the end is skipped.
@@ -112,7 +151,7 @@ impl Path {
         let mut node = PathNode { pose, forward: pose.forward(), station: 0.0, span: CubicSpan::default() };
         node.span = CubicSpan::between(last, &node);
         node.station = last.station + node.span.length;
-        self.nodes.push(node);
+        self.add(node);
         node.station
     }
 
@@ -132,27 +171,33 @@ impl Path {
             is_next = keeps;
             keeps
         });
+        self.places.clear();
+        self.places.extend(self.nodes.iter().map(PathNode::place));
     }
 
     /// The nearest point to `point` between two stations, for a vehicle with heading `forward`; extensions
     /// count if the range reaches them. `None` for an empty path.
     pub(super) fn nearest(&self, point: DVec2, forward: DVec2, from: f64, to: f64) -> Option<NearestPoint> {
         let (first, last) = (self.nodes.first()?, self.nodes.last()?);
-        let begin = self.nodes.partition_point(|node| node.station < from).saturating_sub(1);
+        let begin = self.places.partition_point(|place| place.station < from).saturating_sub(1);
         let mut best = NearestSearch { cost: f64::INFINITY, within_m: f64::INFINITY, nearest: None };
-        let reachable = || self.nodes[begin..].windows(2).take_while(|pair| pair[0].station <= to);
+        // Nodes that a span leads to.
+        let reachable =
+            || (begin + 1..self.places.len()).take_while(|node| self.places[node - 1].station <= to);
+        let to_middle = |node: usize| self.places[node].middle.distance_squared(point);
+        let nearest_of = |node: usize| {
+            let [from, to] = [node - 1, node].map(|end| self.places[end].station);
+            self.nodes[node].span.nearest(point, from, to)
+        };
         // The likeliest span first: it bounds the search in the others.
-        let to_middle = |pair: &[PathNode]| pair[1].span.middle.distance_squared(point);
-        let likeliest = reachable().min_by(|a, b| to_middle(a).total_cmp(&to_middle(b)));
-        if let Some(pair) = likeliest {
-            let (distance_squared, nearest) = pair[1].span.nearest(point, pair[0].station, pair[1].station);
+        let likeliest = reachable().min_by(|a, b| to_middle(*a).total_cmp(&to_middle(*b)));
+        if let Some(likeliest) = likeliest {
+            let (distance_squared, nearest) = nearest_of(likeliest);
             best.offer(distance_squared, nearest, forward);
-            let likeliest_station = pair[1].station;
-            for pair in reachable().filter(|pair| pair[1].station != likeliest_station) {
-                let reach = best.within_m + pair[1].span.reach();
-                if to_middle(pair) <= reach * reach {
-                    let (distance_squared, nearest) =
-                        pair[1].span.nearest(point, pair[0].station, pair[1].station);
+            for node in reachable().filter(|node| *node != likeliest) {
+                let reach = best.within_m + self.places[node].reach_m;
+                if to_middle(node) <= reach * reach {
+                    let (distance_squared, nearest) = nearest_of(node);
                     best.offer(distance_squared, nearest, forward);
                 }
             }
@@ -172,6 +217,10 @@ impl Path {
 }
 
 impl PathNode {
+    fn place(&self) -> SpanPlace {
+        SpanPlace { station: self.station, middle: self.span.middle, reach_m: self.span.reach() }
+    }
+
     /// Longitudinal distance of a point from the node.
     fn ahead_of(&self, point: DVec2) -> f64 {
         (point - self.pose.position).dot(self.forward)
