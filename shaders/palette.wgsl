@@ -31,15 +31,17 @@ fn class_colour(number: u32) -> vec3<f32> {
     return colours[min(number, CLASS_COUNT - 1u)];
 }
 
-// Colours of consecutive numbers lie a golden angle apart on the circle of hues.
+// Colours of consecutive numbers lie a golden angle apart on the circle of hues. Numbers a Fibonacci number apart have nearly one hue:
+// saturation and value differ there.
 fn instance_colour(number: u32) -> vec3<f32> {
     if number == 0u {
         return vec3<f32>(0.0);
     }
     let hue = fract(f32(number) * 0.618034);
-    let value = 0.75 + 0.25 * f32((number >> 2u) & 1u);
+    let saturation = 0.45 + 0.55 * fract(f32(number) * 0.5698403);
+    let value = 0.6 + 0.4 * fract(f32(number) * 0.7548777);
     let ramp = abs(fract(hue + vec3<f32>(1.0, 2.0 / 3.0, 1.0 / 3.0)) * 6.0 - 3.0) - 1.0;
-    return value * mix(vec3<f32>(1.0), clamp(ramp, vec3<f32>(0.0), vec3<f32>(1.0)), 0.75);
+    return value * mix(vec3<f32>(1.0), clamp(ramp, vec3<f32>(0.0), vec3<f32>(1.0)), saturation);
 }
 
 @fragment

@@ -1,5 +1,6 @@
 //! The measures of a run as its `summary.json` states them, and those of two runs side by side.
 
+use city3d_protocol::snapshot::Status;
 use city3d_simulation::runner::Summary;
 use serde::Deserialize;
 use std::collections::BTreeMap;
@@ -97,9 +98,12 @@ pub struct VehicleMeasures {
     /// Its share of the traffic's measures.
     #[serde(default)]
     pub traffic: VehicleTrafficMeasures,
-    /// How often it stood, by its events; a summary of an earlier version does not say.
-    #[serde(rename = "stops")]
-    pub standstills: Option<u64>,
+    /// Status at the end; a summary of an earlier version does not say.
+    #[serde(default)]
+    pub status: Option<Status>,
+    /// How often it stood, by its events, the end of its route among them; a summary of an earlier version does not say.
+    #[serde(default)]
+    pub stops: Option<u64>,
     /// Longest standstill.
     pub longest_stand_s: f64,
     /// One between two vehicles counts for both.
@@ -165,7 +169,8 @@ impl RunMeasures {
             traffic: VehicleTrafficMeasures {
                 slow_stops: vehicle.traffic.as_ref().map(|traffic| traffic.slow_stops.into()),
             },
-            standstills: Some(vehicle.stops.into()),
+            status: Some(vehicle.status),
+            stops: Some(vehicle.stops.into()),
             longest_stand_s: vehicle.longest_stand_s,
             collisions: vehicle.collisions.into(),
             driven_by_hand: vehicle.driven_by_hand,
@@ -223,9 +228,14 @@ impl RunMeasures {
         self.traffic.stops.unwrap_or_default()
     }
 
-    /// How often vehicles stood; `None` of a run that does not say.
+    /// How often vehicles stood before the ends of their routes; `None` of a run that does not say.
     pub fn standstills(&self) -> Option<u64> {
-        self.vehicles.values().map(|vehicle| vehicle.standstills).sum()
+        let on_its_way = |of: &VehicleMeasures| {
+            // To arrive is to stand, but nothing has held it up.
+            let arrival = u64::from(of.status == Some(Status::Finished));
+            Some(of.stops?.saturating_sub(arrival))
+        };
+        self.vehicles.values().map(on_its_way).sum()
     }
 
     /// Names of the vehicles that a person has driven.
@@ -259,7 +269,7 @@ impl RunMeasures {
         of_run("mean speed", MetresPerSecond, 1, &|run| Some(run.mean_speed_mps));
         of_run("arrived", Count, 0, &|run| run.traffic.arrived.map(|count| count as f64));
         of_run("mean delay", Seconds, 1, &|run| run.traffic.mean_delay_s);
-        of_run("stood, all together", Seconds, 1, &|run| run.traffic.stood_s);
+        of_run("time in slow stops, all together", Seconds, 1, &|run| run.traffic.stood_s);
         of_run("fuel, none while braking", Millilitres, 1, &|run| run.traffic.fuel_ml);
         of_run("least time to collision", Seconds, 2, &|run| run.traffic.min_ttc_s);
         of_run("least post-encroachment time", Seconds, 2, &|run| run.traffic.min_pet_s);
@@ -375,6 +385,10 @@ mod tests {
             pairs.iter().filter(is_it).filter_map(|pair| pair.values[0]).sum()
         };
         assert_eq!((read.stops(), stops(true), stops(false)), (slow.into(), slow.into(), slow.into()));
+        // Who stands at the end of its route has arrived.
+        let arrived = written.vehicles.values().filter(|vehicle| vehicle.status == Status::Finished).count();
+        assert!(arrived > 0);
+        assert_eq!(read.standstills(), Some(u64::from(stands) - arrived as u64));
     }
 
     #[test]

@@ -2,6 +2,7 @@
 
 use super::table::TidyTable;
 use city3d_geometry::trig;
+use std::ops::Range;
 
 /// sRGB.
 pub type Colour = [u8; 3];
@@ -75,13 +76,15 @@ pub struct ChartLine {
     pub stroke: LineStyle,
 }
 
-/// The name of a line whose colour means something else, at its end. Windows draw it; figures of files leave it out.
+/// The name of a line whose colour means something else, at its end.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LineName {
     /// End of the line, in the units of the panel's axes.
     pub at: (f64, f64),
     /// Number and name of the vehicle.
     pub name: String,
+    /// The pieces of the line among [`Panel::lines`].
+    pub lines: Range<usize>,
 }
 
 /// A labelled reference line across a panel.

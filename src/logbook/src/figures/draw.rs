@@ -158,6 +158,9 @@ const SMALL: TextFormat = TextFormat {
     is_bold: false,
     is_upright: false,
 };
+/// Where the name of a line stands from its end, downwards on the paper, and the least distance of two, millimetres.
+const NAME_ABOVE_MM: f64 = -1.2;
+const NAME_APART_MM: f64 = 2.6;
 const MIDDLE: TextFormat = TextFormat { points: TEXT_PT, h: HPos::Center, ..SMALL };
 
 impl<B: DrawingBackend> FigurePainter<'_, B> {
@@ -176,6 +179,7 @@ impl<B: DrawingBackend> FigurePainter<'_, B> {
         for (index, (panel, &place)) in figure.panels.iter().zip(&plan.panels).enumerate() {
             self.panel(panel, place)?;
             self.upright_names(panel, place)?;
+            self.line_names(panel, place)?;
             if plan.have_names[index] {
                 let first = index - index % figure.columns.max(1);
                 self.level_names(&figure.panels[first..=index], place)?;
@@ -311,6 +315,28 @@ impl<B: DrawingBackend> FigurePainter<'_, B> {
         let wanted: Vec<f64> = level.iter().map(|(at, _)| *at).collect();
         for (y, (_, name)) in apart(&wanted, 2.9).into_iter().zip(level) {
             self.text(name, (place.x + place.width + 1.5, y), words)?;
+        }
+        Ok(())
+    }
+
+    /// Names of lines at their ends: above them and to their left, as most lines rise to the end of the run.
+    fn line_names(&self, panel: &Panel, place: PaperRect) -> Result<(), DrawError> {
+        let x_at = |x: f64| place.x + (x - panel.x.0) / (panel.x.1 - panel.x.0) * place.width;
+        let y_at = |y: f64| place.y + place.height - (y - panel.y.0) / (panel.y.1 - panel.y.0) * place.height;
+        let is_inside =
+            |(x, y): (f64, f64)| (panel.x.0..=panel.x.1).contains(&x) && (panel.y.0..=panel.y.1).contains(&y);
+        let mut names: Vec<(f64, f64, &str)> = panel
+            .names
+            .iter()
+            .filter(|end| is_inside(end.at))
+            .map(|end| (x_at(end.at.0), y_at(end.at.1), end.name.as_str()))
+            .collect();
+        names.sort_by(|a, b| a.1.total_cmp(&b.1));
+        let wanted: Vec<f64> = names.iter().map(|(_, y, _)| y + NAME_ABOVE_MM).collect();
+        for (y, (x, _, name)) in apart(&wanted, NAME_APART_MM).into_iter().zip(names) {
+            let h = if x > place.x + place.width / 2.0 { HPos::Right } else { HPos::Left };
+            let y = y.max(place.y + NAME_APART_MM / 2.0);
+            self.text(name, (x - 0.6, y), TextFormat { colour: GREY, h, ..SMALL })?;
         }
         Ok(())
     }

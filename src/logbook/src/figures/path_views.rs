@@ -143,8 +143,11 @@ impl FigureSet<'_> {
                 for segment in self.segments(run, stream) {
                     let lines = by_speed(segment.trace, &segment.points, fastest);
                     let end = lines.last().and_then(|line| line.points.last()).copied();
+                    let from = panel.lines.len();
                     panel.lines.extend(lines);
-                    panel.names.extend(end.map(|at| LineName { at, name: self.name(segment.trace.id) }));
+                    let lines = from..panel.lines.len();
+                    let name = || self.name(segment.trace.id);
+                    panel.names.extend(end.map(|at| LineName { at, name: name(), lines }));
                     figure.table.rows.extend(segment.rows(&self.labels[run], &path));
                 }
                 figure.panels.push(panel);

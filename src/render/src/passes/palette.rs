@@ -8,10 +8,11 @@ use city3d_sensors::PictureKind;
 /// Colour of a vehicle (instance) in pictures of instances, as `shaders/palette.wgsl` has it.
 pub fn instance_colour(VehicleId(number): VehicleId) -> [u8; 3] {
     let hue = (number as f32 * 0.618_034).fract();
-    let value = 0.75 + 0.25 * ((number >> 2) & 1) as f32;
+    let saturation = 0.45 + 0.55 * (number as f32 * 0.569_840_3).fract();
+    let value = 0.6 + 0.4 * (number as f32 * 0.754_877_7).fract();
     [1.0, 2.0 / 3.0, 1.0 / 3.0].map(|offset: f32| {
         let ramp = ((hue + offset).fract() * 6.0 - 3.0).abs() - 1.0;
-        (value * (0.25 + 0.75 * ramp.clamp(0.0, 1.0)) * 255.0).round() as u8
+        (value * (1.0 - saturation + saturation * ramp.clamp(0.0, 1.0)) * 255.0).round() as u8
     })
 }
 

@@ -154,6 +154,8 @@ pub struct ChartView<'a> {
     pub merges: &'a [MergeChoice],
     /// Name of the one that is shown.
     pub merge: Option<&'a str>,
+    /// Which of the wanted vehicles are not in the figure.
+    pub absent: Option<&'a str>,
     /// It is being computed anew.
     pub is_busy: bool,
     /// Where it was saved last, in words.
@@ -165,6 +167,9 @@ pub(super) fn show(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>, acti
     ui.horizontal_wrapped(|ui| controls(ui, state, shown, actions));
     merging_point(ui, &mut state.charts, shown.chart);
     vehicles(ui, state, shown);
+    if let Some(absent) = shown.chart.absent {
+        ui.label(absent).on_hover_text("They are on no path that leads to this merging point");
+    }
     if let Some(saved) = shown.chart.saved {
         ui.add(egui::Label::new(RichText::new(saved).small().weak()).truncate()).on_hover_text(saved);
     }

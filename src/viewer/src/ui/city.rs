@@ -301,7 +301,7 @@ fn trouble(state: &UiState, shown: &ViewModel<'_>, status: Status, reverse: bool
         )),
         (RunPhase::Running, Status::Collided) if reverse => Some(format!("Collided: {gas} backs off")),
         (RunPhase::Running, Status::Collided) => {
-            Some(format!("Collided: {gas} drives on, {} then {gas} backs off", of(&REVERSE)))
+            Some(format!("Collided: {} then {gas} backs off; {gas} alone pushes on", of(&REVERSE)))
         }
         (RunPhase::Running, _) | (RunPhase::Failed(_), _) => None,
         (RunPhase::Paused, _) if shown.has_begun() => {

@@ -1,10 +1,11 @@
 //! The legend of a picture of depth, classes or instances, below it.
 
+use super::{ViewModel, occlusion};
 use city3d_geometry::trig;
-use city3d_protocol::snapshot::{FrameSnapshot, VehicleId};
+use city3d_protocol::snapshot::VehicleId;
 use city3d_render::instance_colour;
 use city3d_scene::Class;
-use city3d_sensors::{PictureKind, View};
+use city3d_sensors::{BoundingBox, PictureKind, View};
 use egui::{Align2, Color32, FontId, Painter, Rect, Vec2, pos2, vec2};
 use glam::DVec3;
 
@@ -13,8 +14,6 @@ const ROW: f32 = 14.0;
 const SWATCH: f32 = 9.0;
 /// Between an entry and the next one, points.
 const APART: f32 = 8.0;
-/// Of a vehicle above the ground, metres.
-const MIDDLE_M: f64 = 0.7;
 /// Between the edge of the ground and what is written there, points.
 const MARGIN: Vec2 = vec2(4.0, 2.0);
 /// From which to which depth the greys of a picture are told apart, metres, and the grey of the far end: as in
@@ -25,16 +24,22 @@ const FAR_GREY: f64 = 0.08;
 /// Depths that are written on the scale, metres.
 const TICKS_M: [f64; 4] = [1.0, 5.0, 25.0, 200.0];
 
-/// The vehicles in a picture, the nearest first.
-pub fn seen(view: &View, snapshot: &FrameSnapshot) -> Vec<VehicleId> {
+/// The vehicles in a picture that no wall hides, the nearest first. That of the camera is one: its bonnet is in the picture.
+pub fn seen(view: &View, shown: &ViewModel<'_>) -> Vec<VehicleId> {
     let [width, height] = view.extent.map(f64::from);
     let eye = view.extrinsics.position;
-    let others = snapshot.vehicles.iter().filter(|vehicle| view.carrier != Some(vehicle.id));
-    let in_sight = others.filter(|vehicle| {
-        let pixel = view.project(vehicle.position + DVec3::Z * MIDDLE_M);
+    let in_picture = |point: DVec3| {
+        let pixel = view.project(point);
         pixel.is_some_and(|pixel| (0.0..width).contains(&pixel.x) && (0.0..height).contains(&pixel.y))
+    };
+    let in_sight = shown.interpolated.iter().filter(|(vehicle, info)| {
+        let corners = BoundingBox::of(vehicle, info).corners();
+        let mut visible = corners.into_iter().filter(|corner| in_picture(*corner));
+        let is_hidden = |corner| occlusion::is_occluded(eye, corner, shown.walls);
+        view.carrier == Some(vehicle.id) || visible.any(|corner| !is_hidden(corner))
     });
-    let mut found: Vec<_> = in_sight.map(|vehicle| (vehicle.position.distance(eye), vehicle.id)).collect();
+    let mut found: Vec<_> =
+        in_sight.map(|(vehicle, _)| (vehicle.position.distance(eye), vehicle.id)).collect();
     found.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
     found.into_iter().map(|(_, id)| id).collect()
 }

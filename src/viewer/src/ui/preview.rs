@@ -330,7 +330,7 @@ fn picture(ui: &mut Ui, (preview, aspect): (&Preview, f32), shown: &ViewModel<'_
     let mut seen = Vec::new();
     if let Some(view) = preview.view(shown.interpolated, shown.cameras_of(preview.vehicle), extent) {
         if preview.kind == PictureKind::Instance {
-            seen = picture_legend::seen(&view, shown.interpolated);
+            seen = picture_legend::seen(&view, shown);
         }
         state.pictures.push(PictureRequest { slot, view, kind: preview.kind });
     }

@@ -36,6 +36,8 @@ pub(super) struct LiveFigures {
     /// Merging points of the run with lanes, and the one that the figure shows.
     merges: Vec<MergeChoice>,
     merge: Option<String>,
+    /// Which wanted vehicles the figure does not have.
+    absent: Option<String>,
     lanes: Option<Receiver<Arc<RunLog>>>,
     saved: Vec<Receiver<String>>,
     /// What was written last, in words.
@@ -68,6 +70,7 @@ impl LiveFigures {
             trouble: None,
             merges: Vec::new(),
             merge: None,
+            absent: None,
             lanes: None,
             saved: Vec::new(),
             last_saved: None,
@@ -81,6 +84,7 @@ impl LiveFigures {
             trouble: self.trouble.as_deref(),
             merges: &self.merges,
             merge: self.merge.as_deref(),
+            absent: self.absent.as_deref(),
             is_busy: self.lanes.is_some(),
             saved: self.last_saved.as_deref(),
         }
@@ -127,9 +131,10 @@ impl LiveFigures {
     /// Which merging points there are to choose from, and which one is shown.
     fn choose_merge(&mut self, wanted: &WantedChart) {
         let run = self.run.as_ref().filter(|_| wanted.charts.kind.is_of_paths());
-        (self.merges, self.merge) = run.map_or_else(Default::default, |run| {
+        (self.merges, self.merge, self.absent) = run.map_or_else(Default::default, |run| {
             let figures = PathFigures { run, charts: &wanted.charts, selected: wanted.selected };
-            (merge_choices(run), figures.merge().map(|merge| merge.name))
+            let absent = self.figure.as_ref().and_then(|figure| figures.absent(figure));
+            (merge_choices(run), figures.merge().map(|merge| merge.name), absent)
         });
     }
 
@@ -448,6 +453,8 @@ mod tests {
         let mut charts = ChartState { kind: ChartKind::SpaceTime, ..ChartState::default() };
         let view = watched.chosen(&charts);
         let lanes: Vec<String> = view.merges.iter().map(|merge| merge.lane.clone()).collect();
+        let absent = view.absent.unwrap_or_default().to_owned();
+        assert!(absent.starts_with("Not on these paths: ") && view.figure.unwrap().note.starts_with(&absent));
         assert_eq!((lanes.len() > 1, view.merge), (true, Some(lanes[0].as_str())), "that of most vehicles");
         assert!(view.merges.is_sorted_by(|a, b| a.vehicles >= b.vehicles));
         let note = &view.figure.unwrap().note;
@@ -467,6 +474,7 @@ mod tests {
         charts.merge = None;
         let view = watched.chosen(&charts);
         assert_eq!(view.merge, Some(lanes[1].as_str()), "nobody has chosen another one");
+        assert_eq!(view.absent, None);
         assert!(!view.figure.unwrap().table.rows.is_empty());
         charts.vehicles.clear();
         assert_eq!(watched.chosen_of(&charts, Some(kept)).merge, Some(lanes[1].as_str()), "it is selected");

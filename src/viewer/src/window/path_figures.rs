@@ -2,10 +2,12 @@
 
 use crate::ui::{ChartKind, ChartSpan, ChartState, MergeChoice};
 use city3d_logbook::figures::chart::Figure;
-use city3d_logbook::figures::{FigureSet, MergingPoint, RunLog, StreamLayout, merges, passing};
+use city3d_logbook::figures::{FigureSet, MergingPoint, RunLog, StreamLayout, merges, passing, some_names};
 use city3d_protocol::snapshot::VehicleId;
 use std::collections::BTreeSet;
 
+/// Of the tables of figures of paths.
+const VEHICLE_COLUMN: usize = 2;
 /// Most vehicles that a message names.
 const MOST_NAMED: usize = 3;
 
@@ -62,17 +64,36 @@ impl PathFigures<'_> {
             }
             figure.panels.iter_mut().for_each(|panel| panel.x = (from_s, self.run.end_s));
         }
+        if let Some(absent) = self.absent(&figure) {
+            figure.note = format!("{absent} {}", figure.note);
+        }
         Ok(figure)
     }
 
-    fn of_layout(&self, layout: &StreamLayout) -> Result<Figure, String> {
-        // The figures of all vehicles say more than those of one. Beside kept ones the selected one is shown.
+    /// Which of the wanted vehicles a figure does not have: they are on none of its paths.
+    pub fn absent(&self, figure: &Figure) -> Option<String> {
+        let drawn: BTreeSet<&str> =
+            figure.table.rows.iter().filter_map(|row| row.get(VEHICLE_COLUMN)).map(String::as_str).collect();
+        let wanted = self.only();
+        let all = self.run.vehicles.iter().filter(|trace| wanted.is_empty() || wanted.contains(&trace.id));
+        let absent = all.filter(|trace| !drawn.contains(trace.id.to_string().as_str()));
+        let names: Vec<String> = absent.map(|trace| format!("{} {}", trace.id, trace.name)).collect();
+        (!names.is_empty()).then(|| format!("Not on these paths: {}.", some_names(&names)))
+    }
+
+    /// The vehicles that are wanted alone; empty for all. Beside kept ones the selected one is shown.
+    fn only(&self) -> BTreeSet<VehicleId> {
         let mut only: BTreeSet<VehicleId> = self.charts.vehicles.iter().copied().collect();
         if !only.is_empty() {
             only.extend(self.selected);
         }
+        only
+    }
+
+    fn of_layout(&self, layout: &StreamLayout) -> Result<Figure, String> {
+        // The figures of all vehicles say more than those of one.
         let runs = std::slice::from_ref(self.run);
-        let figures = FigureSet::new(runs, layout, &only).in_metres_of(self.charts.scale);
+        let figures = FigureSet::new(runs, layout, &self.only()).in_metres_of(self.charts.scale);
         match self.charts.kind {
             ChartKind::Positions if layout.merge.is_none() => {
                 Err("No paths of this run merge so far.".to_owned())

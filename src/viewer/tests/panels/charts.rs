@@ -41,7 +41,7 @@ pub fn figure() -> Figure {
 #[test]
 fn the_name_of_a_line_stands_at_its_end() {
     let harness = open(|desk| {
-        let names = vec![LineName { at: (9.0, 90.0), name: "7 last".to_owned() }];
+        let names = vec![LineName { at: (9.0, 90.0), name: "7 last".to_owned(), lines: 0..1 }];
         desk.chart.as_mut().unwrap().panels[0].names = names;
     });
     assert!(has_text(&harness, "7 last"), "{:?}", texts(&harness));

@@ -86,7 +86,7 @@ fn a_finished_run_tells_what_came_of_it_and_what_can_be_done() {
 
 #[test]
 fn a_seed_that_changes_nothing_is_told_so() {
-    let said = "Nothing is random in it: another seed makes the same run, but in the testbed environment.";
+    let said = "Nothing is random in this scenario: the seed matters in the testbed environment alone.";
     let mut desk = finished();
     desk.depends_on_seed = false;
     harness(desk).get_by_label(said);

@@ -80,6 +80,7 @@ fn a_preview_shows_depth_classes_and_instances() {
         assert!(with_legend.height() > picture_height + 12.0, "the legend of {name} is below the picture");
         assert!(with_legend.bottom() <= harness.get_by_label("Gas 0.00").rect().top(), "{name}");
     }
+    assert!(texts(&harness).contains(&"vehicle".to_owned()), "the numbers beside their colours follow");
     assert_eq!(picture(&harness, PictureSlot::City).kind, PictureKind::Rgb);
 }
 

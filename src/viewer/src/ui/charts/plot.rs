@@ -31,7 +31,7 @@ pub(super) fn show(
     let x_label = x_label.unwrap_or_default();
     let near = hover::words_near([x_label, &panel.y_label], decimal);
     // Those over time are told for all lines at once, wherever the mouse is.
-    let tells_all = at_s.is_some() && !figure.legend.is_empty();
+    let tells_all = at_s.is_some() && !figure.legend.is_empty() && panel.names.is_empty();
     let plot = Plot::new(("chart", index))
         .height(height)
         .custom_x_axes(vec![axis(AxisHints::new_x()).label(panel.x_label.as_str()).formatter(number)])
@@ -73,9 +73,10 @@ pub(super) fn show(
                 plot.text(Text::new("", at, words).anchor(anchor).color(text));
             }
         }
-        for line in &panel.lines {
-            let key = figure.legend.iter().find(|key| key.stroke == line.stroke);
-            let name = key.map_or("", |key| key.name.as_str());
+        for (index, line) in panel.lines.iter().enumerate() {
+            let key = figure.legend.iter().find(|key| key.stroke == line.stroke).map(|key| &key.name);
+            let own = panel.names.iter().find(|end| end.lines.contains(&index)).map(|end| &end.name);
+            let name = own.or(key).map_or("", String::as_str);
             let colour = on_ground(&context, line.stroke.colour);
             for piece in pieces(&line.points) {
                 let points: PlotPoints<'_> = decimated(piece, panel.x, buckets).into();
@@ -84,7 +85,14 @@ pub(super) fn show(
         }
         for end in &panel.names {
             let is_right = end.at.0 > (panel.x.0 + panel.x.1) / 2.0;
-            let anchor = if is_right { egui::Align2::RIGHT_BOTTOM } else { egui::Align2::LEFT_BOTTOM };
+            // Above the highest end there is no room.
+            let is_high = panel.y.1 - end.at.1 < NAME_HEIGHT / height as f64 * (panel.y.1 - panel.y.0);
+            let anchor = match (is_right, is_high) {
+                (true, true) => egui::Align2::RIGHT_TOP,
+                (true, false) => egui::Align2::RIGHT_BOTTOM,
+                (false, true) => egui::Align2::LEFT_TOP,
+                (false, false) => egui::Align2::LEFT_BOTTOM,
+            };
             let words = RichText::new(&end.name).size(theme::SMALL);
             plot.text(Text::new("", PlotPoint::new(end.at.0, end.at.1), words).anchor(anchor).color(text));
         }
@@ -104,6 +112,9 @@ pub(super) fn show(
     });
     shown.inner.map(|point| point.x)
 }
+
+/// Of the name of a line, with the room around it, points.
+const NAME_HEIGHT: f64 = 20.0;
 
 /// Room of an axis for each of its numbers, across and down, points.
 const LEAST_BETWEEN: [f32; 2] = [90.0, 40.0];

@@ -18,7 +18,7 @@ const NO_THROUGHPUT: &str = "none: fewer than two arrivals counted";
 const NO_DELAY: &str = "none: no vehicle has a known way";
 /// Of a run in which nothing is drawn at random.
 const SEED_IS_UNUSED: &str =
-    "Nothing is random in it: another seed makes the same run, but in the testbed environment.";
+    "Nothing is random in this scenario: the seed matters in the testbed environment alone.";
 /// For so many frames it is put to its place: at first it is wider than it will be, and egui would move it.
 const PLACING_FRAMES: u8 = 6;
 /// About its size, points.
@@ -167,9 +167,13 @@ const STANDSTILLS: &str = "Standstills (< 0.1 m/s)";
 fn tip_of(name: &str) -> Option<&'static str> {
     match name {
         traffic::SLOW_STOPS => Some(traffic::STOPS),
-        STANDSTILLS => {
-            Some("How often vehicles stood, on their routes or off them: the events \"standstill\"")
-        }
+        STANDSTILLS => Some(
+            "How often vehicles stood before the end of their routes, or off these: the events \"standstill\" but \
+                 for that of an arrival",
+        ),
+        "Mean speed" => Some(
+            "Distance over the time in the city, mean over the vehicles: one that has arrived and stays slows it",
+        ),
         "Throughput" => Some(traffic::FLOW),
         "Mean delay" => Some(traffic::DELAY),
         _ => None,
@@ -216,7 +220,7 @@ fn results(
         row("Mean delay", delay, false);
         if let Some(vehicle) = longest.filter(|vehicle| vehicle.longest_stand_s >= 0.1) {
             row(
-                "Longest stand",
+                "Longest stand (< 0.1 m/s)",
                 format!("{} s, {}", decimal.fixed(vehicle.longest_stand_s, 1), vehicle.name),
                 false,
             );
