@@ -382,3 +382,30 @@ fn what_happens_does_not_change_the_height_of_the_bar() {
         assert_eq!(top(&harness), before, "in a window of {width} points");
     }
 }
+
+#[test]
+fn the_list_of_events_stands_still_under_the_mouse() {
+    let stop = |k: u32| mark(f64::from(k) / 32.0, 1 + k % 6, Occurrence::Event(EventKind::Stop));
+    let mut harness = live();
+    harness.state_mut().events = (0..60).map(stop).collect();
+    press(&mut harness, Key::F3);
+    harness.run_steps(30);
+    let row = |harness: &Harness<'static, Desk>| harness.get_by_label("1.75").rect();
+    let before = row(&harness);
+    harness.hover_at(before.center());
+    harness.run_steps(2);
+    harness.state_mut().events.extend((60..90).map(stop));
+    harness.run_steps(30);
+    assert_eq!(row(&harness), before);
+    harness.get_by_label("90 of 90, held");
+    for pressed in [true, false] {
+        let (button, modifiers) = (egui::PointerButton::Primary, egui::Modifiers::NONE);
+        harness.event(egui::Event::PointerButton { pos: before.center(), button, pressed, modifiers });
+    }
+    harness.run_steps(2);
+    assert_eq!(cues(&mut harness), [PlaybackCommand::Show(1.75)], "what was under the mouse");
+    harness.hover_at(Pos2::new(700.0, 300.0));
+    harness.run_steps(30);
+    harness.get_by_label("2.78");
+    assert!(harness.query_by_label("1.75").is_none(), "the newest are in sight again");
+}
