@@ -316,10 +316,16 @@ fn a_video_begins_and_ends_by_a_key_or_a_button_and_says_how_long_it_is() {
     click(&mut harness, "Time-lapse");
     let lapse = VideoKind::TimeLapse { every_s: 1.0 };
     assert_eq!(take_actions(&mut harness), [UiAction::Video(window(lapse))]);
-    harness.state_mut().video = Some(VideoStatus { request: window(VideoKind::AsSeen), length_s: 75.2 });
-    harness.run_steps(2);
-    click(&mut harness, "\u{23f9} 1:15");
-    assert_eq!(take_actions(&mut harness), [UiAction::Video(window(VideoKind::AsSeen))]);
+    let next = |harness: &Harness<'static, Desk>| harness.get_by_label("\u{23ed} Until ...").rect().left();
+    let before = next(&harness);
+    for (kind, text) in [(VideoKind::AsSeen, "\u{23f9} 1:15"), (lapse, "\u{23f9} 1:15 of 31 min")] {
+        let request = window(kind);
+        harness.state_mut().video = Some(VideoStatus { request, length_s: 75.2, spanned_s: 1879.0 });
+        harness.run_steps(3);
+        assert!((next(&harness) - before).abs() < 1.5, "{text}: its neighbours stay");
+        click(&mut harness, text);
+        assert_eq!(take_actions(&mut harness), [UiAction::Video(window(VideoKind::AsSeen))]);
+    }
 }
 
 fn window(kind: VideoKind) -> VideoRequest {
