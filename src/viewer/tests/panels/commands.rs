@@ -270,6 +270,25 @@ fn the_help_is_searched() {
 }
 
 #[test]
+fn the_help_explains_words_and_is_typed_into_at_once() {
+    let mut harness = harness(Desk::with(fleet(1)));
+    press(&mut harness, Key::F1);
+    harness.run_steps(5);
+    type_text(&mut harness, "headway");
+    assert_eq!(harness.state().state.help_words, "headway");
+    harness.get_by_label("How far a vehicle is behind the one ahead: as a time, the gap over the own speed");
+    assert!(harness.query_by_label("Save a screenshot").is_none());
+    press(&mut harness, Key::Escape);
+    assert!(!harness.state().state.open.help, "one Escape closes it");
+    // Who drives keeps the keys.
+    harness.state_mut().state.driving = Some(ManualDrive::take_over(VehicleId(1), 1, 0.0));
+    press(&mut harness, Key::F1);
+    harness.run_steps(5);
+    type_text(&mut harness, "gap");
+    assert_eq!((harness.state().state.open.help, harness.state().state.help_words.as_str()), (true, ""));
+}
+
+#[test]
 fn keys_of_bookmarks_are_one_row_of_the_help_unless_they_are_the_users_own() {
     let mut harness = harness(Desk::with(fleet(1)));
     press(&mut harness, Key::F1);
