@@ -24,6 +24,8 @@ pub enum Occurrence {
     Event(EventKind),
     /// It began to give way to this vehicle, as the control framework has told.
     YieldTo(VehicleId),
+    /// It began to give way there, and to no vehicle that the control framework has told.
+    YieldAt(DecisionReason),
     /// A person took control of the vehicle.
     TakeOver,
     /// The person handed the vehicle back to its control algorithm.
@@ -64,7 +66,7 @@ impl Occurrence {
             Self::TakeOver | Self::GiveBack => MarkKind::Person,
             Self::LongStop => MarkKind::LongStop,
             Self::LeftRoad => MarkKind::LeftRoad,
-            Self::YieldTo(_) => MarkKind::Yield,
+            Self::YieldTo(_) | Self::YieldAt(_) => MarkKind::Yield,
             Self::Event(event) => match event {
                 EventKind::Collision { .. } | EventKind::CollisionStatic { .. } => MarkKind::Collision,
                 EventKind::LinkLost | EventKind::LinkBack | EventKind::Unseen | EventKind::SeenAgain => {
@@ -87,7 +89,7 @@ impl Occurrence {
         match self {
             Self::LongStop | Self::LeftRoad => true,
             Self::Event(event) => event.is_collision() || *event == EventKind::LinkLost,
-            Self::TakeOver | Self::GiveBack | Self::YieldTo(_) => false,
+            Self::TakeOver | Self::GiveBack | Self::YieldTo(_) | Self::YieldAt(_) => false,
         }
     }
 
@@ -99,6 +101,7 @@ impl Occurrence {
             Self::LongStop => return format!("stood for {LONG_STOP_S:.0} s"),
             Self::LeftRoad => return "left the road".to_owned(),
             Self::YieldTo(other) => return format!("yield to {other}"),
+            Self::YieldAt(reason) => return format!("yield{}", place_of(*reason)),
             Self::Event(event) => event,
         };
         match event {
@@ -127,21 +130,40 @@ impl From<&Event> for TimelineMark {
     }
 }
 
-/// Names whom a vehicle yields to, by the first of its decisions that does.
+/// At what a vehicle gives way, as the end of an event in words; empty for reasons that are none to give way.
+fn place_of(reason: DecisionReason) -> &'static str {
+    match reason {
+        DecisionReason::StopLine => " at its stop line",
+        DecisionReason::YieldLine => " at its yield line",
+        DecisionReason::Signal => " at its signal",
+        DecisionReason::Junction => " at a junction",
+        DecisionReason::NoRoom => ": no room behind the junction",
+        DecisionReason::Crossing => " at a crossing of lanes",
+        DecisionReason::Merging => " at a merge",
+        _ => "",
+    }
+}
+
+/// Names whom a vehicle yields to, by the first of its decisions that does; where none does, at what.
 pub(crate) fn with_priority<'a>(
     mark: &mut TimelineMark,
     of_vehicle: impl Iterator<Item = &'a ControlDecision>,
 ) {
     use DecisionReason::{Crossing, Junction, Merging, StopLine, YieldLine};
-    let gives_way = |decision: &ControlDecision| {
-        let reason = matches!(decision.reason, StopLine | YieldLine | Junction | Crossing | Merging);
-        decision.other.filter(|_| reason)
-    };
-    let mut others = of_vehicle.filter_map(gives_way);
-    if mark.what == Occurrence::Event(EventKind::Yield)
-        && let Some(other) = others.next()
-    {
-        mark.what = Occurrence::YieldTo(other);
+    if mark.what != Occurrence::Event(EventKind::Yield) {
+        return;
+    }
+    let mut place = None;
+    for decision in of_vehicle.filter(|decision| !place_of(decision.reason).is_empty()) {
+        let is_for_others = matches!(decision.reason, StopLine | YieldLine | Junction | Crossing | Merging);
+        if let Some(other) = decision.other.filter(|_| is_for_others) {
+            mark.what = Occurrence::YieldTo(other);
+            return;
+        }
+        place = place.or(Some(decision.reason));
+    }
+    if let Some(reason) = place {
+        mark.what = Occurrence::YieldAt(reason);
     }
 }
 
@@ -278,6 +300,27 @@ mod tests {
             Some(("go, stood for 2.2 s".to_owned(), MarkKind::Usual))
         );
         assert_eq!(of(EventKind::LinkBack), Some(("link back".to_owned(), MarkKind::Link)));
+    }
+
+    #[test]
+    fn a_vehicle_yields_to_another_one_or_at_a_place() {
+        let decision = |reason, other: Option<u32>| {
+            let (vehicle, other) = (VehicleId(1), other.map(VehicleId));
+            ControlDecision { vehicle, reason, other, ..ControlDecision::default() }
+        };
+        let told = |decisions: &[ControlDecision]| {
+            let what = Occurrence::Event(EventKind::Yield);
+            let mut mark = TimelineMark { time_s: 2.0, vehicle: VehicleId(1), what };
+            with_priority(&mut mark, decisions.iter());
+            assert_eq!(mark.what.kind(), MarkKind::Yield);
+            mark.what.label()
+        };
+        let (line, leader) =
+            (decision(DecisionReason::YieldLine, None), decision(DecisionReason::Leader, Some(3)));
+        let crossing = decision(DecisionReason::Crossing, Some(4));
+        assert_eq!(told(&[leader, line]), "yield at its yield line");
+        assert_eq!(told(&[line, crossing]), "yield to 4", "a vehicle says more");
+        assert_eq!(told(&[leader]), "yield");
     }
 
     #[test]

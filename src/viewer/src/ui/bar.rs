@@ -327,29 +327,33 @@ fn scenario(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>, actions: &m
         let stem = Path::new(name).file_stem();
         stem.map_or_else(|| name.to_owned(), |stem| stem.to_string_lossy().into_owned())
     };
-    let picker =
-        ComboBox::from_id_salt("scenario").selected_text(short(shown.scenario)).width(SCENARIO).truncate();
+    // Which file is edited may have changed since its scenario was opened.
+    let present = shown.edit.map_or(shown.scenario, |edit| edit.name);
+    let picker = ComboBox::from_id_salt("scenario").selected_text(short(present)).width(SCENARIO).truncate();
     let choices = |ui: &mut Ui| {
         for ScenarioChoice { name, description } in shown.scenarios {
-            let mut chosen = ui.selectable_label(name == shown.scenario, short(name));
+            let mut chosen = ui.selectable_label(name == present, short(name));
             if short(name) != *name {
                 chosen = chosen.on_hover_text(name);
             }
             if !description.is_empty() {
                 chosen = chosen.on_hover_text(description);
             }
-            if chosen.clicked() && name != shown.scenario {
+            if chosen.clicked() && name != present {
                 actions.push(UiAction::Scenario(name.clone()));
             }
         }
     };
-    let present = shown.scenarios.iter().find(|choice| choice.name == shown.scenario);
-    let about = present.map(|choice| choice.description.as_str()).filter(|about| !about.is_empty());
+    let choice = shown.scenarios.iter().find(|choice| choice.name == present);
+    let about = choice.map(|choice| choice.description.as_str()).filter(|about| !about.is_empty());
     let tip = about.map_or_else(String::new, |about| format!("{about}.\n"));
-    let tip = format!(
-        "{tip}The scenario {}, {}; another one starts from its beginning",
-        shown.scenario, shown.conditions
-    );
+    let tip = match shown.edit {
+        Some(_) => format!("{tip}The scenario {present} is edited; another one starts from its beginning"),
+        None => format!(
+            "{tip}The scenario {present}, {}; another one starts from its beginning",
+            shown.conditions
+        ),
+    };
     cell(ui, SCENARIO, |ui| _ = picker.show_ui(ui, choices).response.on_hover_text(tip));
 }
 

@@ -2,8 +2,9 @@
 
 use super::commands::{GRAVE_EVENT, KeyMap};
 use super::timeline::{self, JUST_PASSED_S, TimelineView};
-use super::{DecimalSeparator, UiAction, UiState, VehicleNames, ViewModel, commands, theme};
+use super::{DecimalSeparator, UiAction, UiState, VehicleNames, ViewModel, bar, commands, theme};
 use city3d_protocol::snapshot::{EventKind, Status, VehicleId, VehicleInfo};
+use city3d_session::RunPhase;
 use city3d_session::playback::{MarkKind, Occurrence, PlaybackCommand, TimelineMark};
 use egui::{Align, Button, Color32, Layout, RichText, Sense, Ui, Vec2};
 use egui_extras::{Column, TableBuilder};
@@ -22,6 +23,18 @@ pub struct EventFilter {
     present: Option<usize>,
     /// The filter, number and last of the events that these belong to.
     of: Option<(String, usize, Option<TimelineMark>)>,
+    /// The rows of the list while the mouse holds them.
+    held: Option<HeldEvents>,
+}
+
+/// The rows of the list when the mouse came on it, so that none moves away under it.
+#[derive(Clone, Debug)]
+struct HeldEvents {
+    /// The filter of these rows.
+    filter: String,
+    /// Number of events of the run at that time: a run that has fewer has begun anew.
+    known: usize,
+    rows: Vec<TimelineMark>,
 }
 
 impl EventFilter {
@@ -58,6 +71,24 @@ impl EventFilter {
             }
         }
         self.of = Some((self.filter.clone(), marks.len(), marks.last().cloned()));
+    }
+
+    /// The rows of the list: the present matches, or those that are held.
+    fn rows(&mut self, marks: &[TimelineMark], is_held: bool) -> Vec<TimelineMark> {
+        let held = self.held.take().filter(|_| is_held);
+        let held = held.filter(|held| held.filter == self.filter && held.known <= marks.len());
+        let Some(held) = held else {
+            let rows: Vec<TimelineMark> = self.of(marks).cloned().collect();
+            self.held = is_held.then(|| HeldEvents {
+                filter: self.filter.clone(),
+                known: marks.len(),
+                rows: rows.clone(),
+            });
+            return rows;
+        };
+        let rows = held.rows.clone();
+        self.held = Some(held);
+        rows
     }
 
     /// Number of matches.
@@ -275,28 +306,43 @@ pub(super) fn update(mark: &TimelineMark, state: &mut UiState) -> PlaybackComman
 }
 
 const ROW_HEIGHT: f32 = 18.0;
+/// Room for the number of events, so that the filter beside it does not move, points.
+const COUNT_WIDTH: f32 = 108.0;
+/// Why the list stands still, and until when.
+const HELD_TIP: &str =
+    "The list stays as it is while the mouse is on it, so that its rows can be clicked; new events follow";
 
-/// Shows the list. A click on a row goes there and selects its vehicle.
+/// Shows the list; while the run goes on it stands still under the mouse. A click on a row goes there and selects its vehicle.
 pub(super) fn show(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>, actions: &mut Vec<UiAction>) {
     if shown.edit.is_some() {
         ui.label(RichText::new("The edited scenario has not run yet.").weak());
         return;
     }
+    let view = TimelineView::of(shown);
+    let is_searched = shown.replay.as_ref().is_none_or(|replay| replay.searched >= 1.0);
+    let moves = shown.run_state.phase == RunPhase::Running || view.head.is_playing || !is_searched;
+    let is_held = moves && ui.rect_contains_pointer(ui.max_rect());
     ui.horizontal(|ui| {
-        let count = state.events.count();
-        ui.weak(format!("{count} of {}", shown.events.len()));
+        let count = format!("{} of {}", state.events.count(), shown.events.len());
+        bar::cell(ui, COUNT_WIDTH, |ui| {
+            let count = ui.weak(if is_held { format!("{count}, held") } else { count });
+            if is_held {
+                count.on_hover_text(HELD_TIP);
+            }
+        });
         let field = egui::TextEdit::singleline(&mut state.events.filter)
             .hint_text("collision, merge 3 ...")
             .desired_width(ui.available_width());
         ui.add(field).on_hover_text("Filter by words and vehicles; the timeline shows the same events");
     });
     state.events.update(shown.events);
-    let marks: Vec<TimelineMark> = state.events.of(shown.events).cloned().collect();
+    let was_held = state.events.held.is_some();
+    let marks = state.events.rows(shown.events, is_held);
     if marks.is_empty() {
         ui.label(RichText::new(nothing(shown)).weak());
         return;
     }
-    if let Some(mark) = list(ui, &marks, state, shown) {
+    if let Some(mark) = list(ui, (&marks, is_held && was_held), state, shown) {
         go_to(&mark, state, actions);
     }
 }
@@ -313,10 +359,10 @@ fn nothing(shown: &ViewModel<'_>) -> &'static str {
 /// Why the times of a standstill and of its end are farther apart than it stood.
 const GO: &str = "Show where and when it happened: it is told once the vehicle has left the place, and counts as standing until it moves";
 
-/// Shows the rows; returns the one that was clicked.
+/// Shows the rows, which may have to stay where they are; returns the one that was clicked.
 fn list(
     ui: &mut Ui,
-    marks: &[TimelineMark],
+    (marks, stays): (&[TimelineMark], bool),
     state: &mut UiState,
     shown: &ViewModel<'_>,
 ) -> Option<TimelineMark> {
@@ -335,10 +381,12 @@ fn list(
         .column(Column::initial(130.0).at_least(60.0).clip(true))
         .column(Column::remainder().clip(true));
     // Scrolls only when the current row changes.
-    if let Some(row) = present.filter(|_| state.events.present != present) {
-        builder = builder.scroll_to_row(row, Some(Align::Center));
+    if !stays {
+        if let Some(row) = present.filter(|_| state.events.present != present) {
+            builder = builder.scroll_to_row(row, Some(Align::Center));
+        }
+        state.events.present = present;
     }
-    state.events.present = present;
     let decimal = state.preferences.decimal;
     builder
         .header(ROW_HEIGHT, |mut header| {

@@ -1,9 +1,12 @@
-//! The help window: all actions with their keys, the use of the mouse, and all statuses. It can be searched.
+//! The help window: all actions with their keys, the use of the mouse, all statuses, and words of the field. It can be searched.
+
+mod glossary;
 
 use super::commands::{self, KeyMap, SECTIONS, Section};
 use super::{CityKind, UiState, ViewModel, status, theme};
 use city3d_protocol::snapshot::Status;
-use egui::{RichText, ScrollArea, Ui};
+use egui::{Key, RichText, ScrollArea, Ui};
+use glossary::WORDS;
 
 /// Width of two columns, points.
 const TWO_COLUMNS: f32 = 860.0;
@@ -25,6 +28,13 @@ pub fn window(ui: &Ui, state: &mut UiState, shown: &ViewModel<'_>) {
         .collect();
     let room = ui.ctx().content_rect().shrink2(egui::vec2(12.0, 48.0));
     let mut is_open = state.open.help;
+    let was_focused = egui::Id::unique("field of the help");
+    if !is_open {
+        ui.data_mut(|data| data.remove::<bool>(was_focused));
+    }
+    // Who opens the help wants to find something; but who drives keeps the keys.
+    let may_focus = state.driving.is_none() && !state.palette.is_open;
+    let mut is_left = false;
     let sheet = super::sheet(ui, "Keys and statuses").open(&mut is_open);
     let count = if room.width() < TWO_COLUMNS_FROM { 1 } else { 2 };
     let width = if count == 1 { room.width() - 24.0 } else { TWO_COLUMNS };
@@ -34,18 +44,26 @@ pub fn window(ui: &Ui, state: &mut UiState, shown: &ViewModel<'_>) {
             let field = egui::TextEdit::singleline(&mut state.help_words)
                 .hint_text("Search: key or words")
                 .desired_width(FIELD);
-            ui.add(field);
+            let field = ui.add(field);
+            if field.has_focus() {
+                ui.data_mut(|data| data.insert_temp(was_focused, true));
+            } else if may_focus && !ui.data(|data| data.get_temp(was_focused).unwrap_or(false)) {
+                field.request_focus();
+            }
+            is_left = field.lost_focus() && ui.input(|input| input.key_pressed(Key::Escape));
         });
         ui.add_space(4.0);
         // A short list makes a low window.
         ScrollArea::vertical().auto_shrink([false, true]).max_height(room.height() - 90.0).show(ui, |ui| {
-            if sections.is_empty() && !has_status(&words) {
+            if sections.is_empty() && !has_status(&words) && !has_term(&words) {
                 ui.label(RichText::new("Nothing has these words.").weak());
             }
             columns(ui, count, &sections);
             statuses(ui, &words);
+            terms(ui, &words);
         });
     });
+    is_open &= !is_left;
     state.open.help = is_open;
     if !is_open {
         state.help_words.clear();
@@ -171,6 +189,30 @@ fn statuses(ui: &mut Ui, words: &[String]) {
             status::paint_sign_in(ui.painter(), (place.center(), 4.0), status, colour);
             ui.label(RichText::new(status::label(status)).color(colour).strong());
             ui.label(status::meaning(status));
+        });
+    }
+}
+
+fn is_asked((term, meaning): &(&str, &str), words: &[String]) -> bool {
+    has_words(&format!("{term} {meaning}"), words)
+}
+
+fn has_term(words: &[String]) -> bool {
+    WORDS.iter().any(|term| is_asked(term, words))
+}
+
+/// Words of the field with what they mean.
+fn terms(ui: &mut Ui, words: &[String]) {
+    if has_term(words) {
+        ui.add_space(8.0);
+        ui.label(RichText::new("Words").strong());
+    }
+    for (term, meaning) in WORDS.iter().filter(|term| is_asked(term, words)) {
+        ui.horizontal_top(|ui| {
+            let left = ui.cursor().left();
+            ui.label(RichText::new(*term).strong());
+            ui.add_space((left + KEYS - ui.cursor().left()).max(0.0));
+            ui.add(egui::Label::new(*meaning).wrap());
         });
     }
 }

@@ -60,8 +60,15 @@ impl KeyPage {
     }
 }
 
-/// Takes the pressed keys while one is being assigned, so that they do nothing else.
+/// Takes the pressed keys while one is being assigned, so that they do nothing else; and Esc from the question about a key that
+/// others have, which stays with them then.
 pub fn capture(ui: &Ui, state: &mut UiState) {
+    if matches!(state.key_page.step, Step::Clash { .. })
+        && !state.palette.is_open
+        && ui.input_mut(|input| input.consume_key(egui::Modifiers::NONE, Key::Escape))
+    {
+        state.key_page.rest();
+    }
     let Step::Waiting(target) = state.key_page.step else { return };
     let mut taken = Vec::new();
     ui.input_mut(|input| {
@@ -190,7 +197,7 @@ fn clash(ui: &mut Ui, state: &mut UiState) {
             button.request_focus();
         }
         moves = button.clicked();
-        keeps = ui.button("Leave it there").clicked();
+        keeps = ui.button("Leave it there").on_hover_text("Esc").clicked();
     });
     if moves {
         let keys = Arc::make_mut(&mut state.keys);

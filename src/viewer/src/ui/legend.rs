@@ -50,7 +50,11 @@ fn lines(state: &UiState, shown: &ViewModel<'_>) -> Vec<LegendLine> {
     add(has_many, overlay::MANY_ROUTES, &many);
     add(layers.tracks && shown.edit.is_none(), overlay::DRIVEN, "driven path, the last 20 s");
     add(layers.path, overlay::PLANNED, "way ahead, a dot every second");
-    add(layers.gaps, overlay::GAP, "gap to the vehicle ahead");
+    let gap = match state.selection.vehicle {
+        Some(_) => "gap of the selected vehicle to the one ahead",
+        None => "gap to the vehicle ahead",
+    };
+    add(layers.gaps, overlay::GAP, gap);
     add(layers.gaps, overlay::CLOSE_GAP, "gap of less than 1 s");
     add(layers.measured, overlay::MEASURED, &measured_words(shown));
     add(layers.frusta, overlay::FRUSTUM, "what a camera sees");

@@ -342,6 +342,19 @@ impl UiState {
         next
     }
 
+    /// Looks at the place and the vehicles that another state looks at. A vehicle is kept where it is the same one as before:
+    /// in charts also one that is still to come.
+    pub fn look_as(&mut self, other: Self, first: &FrameSnapshot, is_again: impl Fn(VehicleId) -> bool) {
+        let is_here = |id: VehicleId| first.vehicle(id).is_some() && is_again(id);
+        self.viewpoint = other.viewpoint;
+        self.selection.vehicle = other.selection.vehicle.filter(|id| is_here(*id));
+        self.previews = other.previews;
+        self.previews.retain(|preview| is_here(preview.vehicle));
+        self.opens_preview &= self.previews.is_empty();
+        self.charts = other.charts;
+        self.charts.vehicles.retain(|id| is_again(*id));
+    }
+
     /// Opens the preview of a vehicle, or closes it.
     pub fn toggle_preview(&mut self, vehicle: VehicleId) {
         self.opens_preview = false;

@@ -96,13 +96,15 @@ pub struct Preview {
     pub kind: PictureKind,
 }
 
-/// Kinds of pictures and their names in the list.
-const KINDS: [(PictureKind, &str); 4] = [
-    (PictureKind::Rgb, "colour"),
-    (PictureKind::Depth, "depth"),
-    (PictureKind::Semantic, "semantic classes"),
-    (PictureKind::Instance, "instances"),
+/// Kinds of pictures, their names in the list and on its button, which is narrow.
+const KINDS: [(PictureKind, &str, &str); 4] = [
+    (PictureKind::Rgb, "colour", "colour"),
+    (PictureKind::Depth, "depth", "depth"),
+    (PictureKind::Semantic, "semantic classes", "classes"),
+    (PictureKind::Instance, "instances", "instances"),
 ];
+/// Marks a camera of the scenario that is called as a usual one, on the button of the list.
+const OF_SCENARIO: &str = "*";
 
 impl Preview {
     /// A panel with the usual camera, in colour.
@@ -110,12 +112,22 @@ impl Preview {
         Self { vehicle, eye: PreviewCamera::default(), kind: PictureKind::Rgb }
     }
 
-    /// Kind and camera in the list: of what has no room the camera is cut, which the picture shows.
+    /// Kind and camera.
     fn label(&self, cameras: &[ScenarioCamera]) -> String {
         let eye = self.eye.label(cameras);
-        match KINDS.iter().find(|(kind, _)| *kind == self.kind) {
-            Some((kind, name)) if *kind != PictureKind::Rgb => format!("{name}, {eye}"),
+        match KINDS.iter().find(|(kind, ..)| *kind == self.kind) {
+            Some((kind, name, _)) if *kind != PictureKind::Rgb => format!("{name}, {eye}"),
             _ => eye,
+        }
+    }
+
+    /// What finds room on the button of the list: the kind, or of a picture in colour the camera.
+    fn short_label(&self, cameras: &[ScenarioCamera]) -> String {
+        let kind = KINDS.into_iter().find(|(kind, ..)| *kind == self.kind && *kind != PictureKind::Rgb);
+        match (kind, self.eye.own(cameras)) {
+            (Some((.., short)), _) => short.to_owned(),
+            (None, Some(own)) if self.eye.label(cameras) != own.name => format!("{}{OF_SCENARIO}", own.name),
+            (None, _) => self.eye.label(cameras),
         }
     }
 
@@ -247,7 +259,7 @@ fn show(
 /// The list of cameras and kinds of pictures.
 fn picker(ui: &mut Ui, width: f32, preview: &mut Preview, cameras: &[ScenarioCamera]) {
     let list = ComboBox::from_id_salt("eye")
-        .selected_text(preview.label(cameras))
+        .selected_text(preview.short_label(cameras))
         .width(width)
         .truncate()
         // All of it at once: a list that ends early hides kinds.
@@ -265,11 +277,12 @@ fn picker(ui: &mut Ui, width: f32, preview: &mut Preview, cameras: &[ScenarioCam
                 .on_hover_text("A camera that the scenario gives this vehicle");
         }
         ui.separator();
-        for (kind, name) in KINDS {
+        for (kind, name, _) in KINDS {
             ui.selectable_value(&mut preview.kind, kind, name);
         }
     });
-    let tip = format!("Where the picture is taken from, and what it shows: {}", preview.label(cameras));
+    let own = preview.eye.own(cameras).map_or("", |_| ". The scenario gives this vehicle that camera");
+    let tip = format!("Where the picture is taken from, and what it shows: {}{own}", preview.label(cameras));
     list.response.on_hover_text(tip);
 }
 

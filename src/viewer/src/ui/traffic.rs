@@ -213,20 +213,24 @@ fn safety_and_energy(ui: &mut Ui, traffic: &LiveTraffic) {
             "From the exit of one vehicle out of a conflict zone to the entry of the next from the other side; negative \
              where both were inside",
         ),
-        ("Braking needed", text(drac, "m/s2"), "Deceleration that avoids a crash with the vehicle ahead"),
+        (
+            "Braking needed",
+            text(drac, "m/s\u{b2}"),
+            "Deceleration that avoids a crash with the vehicle ahead",
+        ),
         (
             "Fuel, none while braking",
-            of(effort.fuel_ml, "mL"),
+            of(effort.fuel_ml, "ml"),
             "All vehicles together, by the polynomial of Kamal et al.: who brakes burns nothing",
         ),
         (
             "Fuel, also while braking",
-            of(effort.fuel_with_cruise_ml, "mL"),
+            of(effort.fuel_with_cruise_ml, "ml"),
             "The same, but who brakes burns what the speed alone needs (the cruise term)",
         ),
         (
             "Squared acceleration",
-            of(effort.int_u2_m2ps3, "m2/s3"),
+            of(effort.int_u2_m2ps3, "m\u{b2}/s\u{b3}"),
             "Integral over time of all vehicles; half of it is the cost of optimal control",
         ),
         (

@@ -59,39 +59,50 @@ pub struct VideoStatus {
     pub request: VideoRequest,
     /// Length of the video so far, seconds.
     pub length_s: f64,
+    /// Time of the run that it spans so far, simulated seconds.
+    pub spanned_s: f64,
 }
 
 /// Least and largest time between two pictures of a time-lapse, simulated seconds.
 const LAPSE_S: std::ops::RangeInclusive<f64> = 0.1..=3600.0;
-/// Width of the button, so that its neighbours do not move while the length grows.
+/// Width of the button, so that its neighbours do not move while the length grows. While a video is recorded it has the room of its
+/// menu, too.
 const WIDTH: f32 = 66.0;
 
 /// The button, which begins and ends a recording, with a menu of what is recorded and how beside it.
 pub(super) fn button(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>, actions: &mut Vec<UiAction>) {
     let text = match shown.video {
         Some(video) => {
-            let seconds = video.length_s as u64;
-            let text = format!("\u{23f9} {}:{:02}", seconds / 60, seconds % 60);
-            RichText::new(text).color(ui.visuals().error_fg_color)
+            let text = RichText::new(words(video)).color(ui.visuals().error_fg_color);
+            if video.request.kind == VideoKind::AsSeen { text } else { text.small() }
         }
         None => RichText::new("\u{23fa} Video"),
     };
+    let both = ui.scope_id().with("video and menu");
+    let width = match shown.video {
+        Some(_) => ui.data(|data| data.get_temp::<f32>(both)).unwrap_or(WIDTH),
+        None => WIDTH,
+    };
     let request = |kind| VideoRequest { subject: state.video_subject, kind };
-    let tip = match shown.video.map(|video| video.request.kind) {
+    let tip = match shown.video.map(|video| (video, video.request.kind)) {
         None if state.video_subject == VideoSubject::City => {
             VIDEO.tip(ui.ctx(), "Record the city without panels as a video")
         }
         None => VIDEO.tip(ui.ctx(), "Record what the window shows as a video"),
-        Some(VideoKind::AsSeen) => VIDEO.tip(ui.ctx(), "End the video and write its file"),
-        Some(VideoKind::TimeLapse { every_s }) => VIDEO.tip(
-            ui.ctx(),
-            &format!(
-                "A picture each {} simulated seconds. End the video and write its file",
-                theme::decimal(ui.ctx()).plain(every_s)
-            ),
-        ),
+        Some((_, VideoKind::AsSeen)) => VIDEO.tip(ui.ctx(), "End the video and write its file"),
+        Some((video, VideoKind::TimeLapse { every_s })) => {
+            let decimal = theme::decimal(ui.ctx());
+            let (length, spanned) = (decimal.fixed(video.length_s, 1), decimal.fixed(video.spanned_s, 1));
+            let every = decimal.plain(every_s);
+            let lasts = format!("Time-lapse: {length} s of video show {spanned} s of the run");
+            VIDEO.tip(
+                ui.ctx(),
+                &format!("{lasts}, a picture each {every} simulated seconds. End it and write its file"),
+            )
+        }
     };
-    if ui.add(Button::new(text).min_size(Vec2::new(WIDTH, 0.0))).on_hover_text(tip).clicked() {
+    let button = ui.add(Button::new(text).min_size(Vec2::new(width, 0.0))).on_hover_text(tip);
+    if button.clicked() {
         actions.push(UiAction::Video(request(VideoKind::AsSeen)));
     }
     if shown.video.is_some() {
@@ -120,7 +131,39 @@ pub(super) fn button(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>, ac
             ui.close();
         }
     });
+    ui.data_mut(|data| data.insert_temp(both, menu.rect.right() - button.rect.left()));
     menu.on_hover_text(
         "What a video shows; a time-lapse: one picture each so many simulated seconds; a screenshot",
     );
+}
+
+/// What the button says of a recording: the length of the video, and of a time-lapse what it spans of the run.
+fn words(video: VideoStatus) -> String {
+    let seconds = video.length_s as u64;
+    let length = format!("\u{23f9} {}:{:02}", seconds / 60, seconds % 60);
+    match video.request.kind {
+        VideoKind::AsSeen => length,
+        VideoKind::TimeLapse { .. } => format!("{length} of {}", span(video.spanned_s)),
+    }
+}
+
+/// A time of the run in few characters, for it grows.
+fn span(spanned_s: f64) -> String {
+    let seconds = (spanned_s + 1e-6) as u64;
+    match seconds {
+        0..100 => format!("{seconds} s"),
+        100..6000 => format!("{} min", seconds / 60),
+        _ => format!("{} h", seconds / 3600),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::span;
+
+    #[test]
+    fn times_of_a_run_are_told_in_few_characters() {
+        let told = [0.0, 36.999_999_9, 99.9, 119.0, 5999.0, 7300.0].map(span);
+        assert_eq!(told, ["0 s", "37 s", "99 s", "1 min", "99 min", "2 h"]);
+    }
 }

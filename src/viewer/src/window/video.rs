@@ -28,6 +28,8 @@ pub(super) struct VideoRecorder {
     begun: Option<Instant>,
     /// Simulated time of the last picture of a time-lapse.
     last_s: Option<f64>,
+    /// Time of the run between the pictures so far, simulated seconds.
+    spanned_s: f64,
     /// Place of the last picture in the file.
     last: Option<u64>,
     pictures: Option<SyncSender<(u64, Image)>>,
@@ -65,6 +67,7 @@ impl VideoRecorder {
             extent,
             begun: None,
             last_s: None,
+            spanned_s: 0.0,
             last: None,
             pictures: Some(sender),
             encoder: Some(encoder),
@@ -75,7 +78,7 @@ impl VideoRecorder {
     /// How it does.
     pub(super) fn status(&self) -> VideoStatus {
         let length_s = self.last.map_or(0.0, |last| (last + 1) as f64 / RATE as f64);
-        VideoStatus { request: self.request, length_s }
+        VideoStatus { request: self.request, length_s, spanned_s: self.spanned_s }
     }
 
     /// Place of the next picture, if one is due.
@@ -113,6 +116,8 @@ impl VideoRecorder {
         match pictures.try_send((place, image)) {
             Ok(()) => {
                 self.begun = self.begun.or(Some(now));
+                // After a reset the time begins anew.
+                self.spanned_s += self.last_s.map_or(0.0, |last_s| (simulated_s - last_s).max(0.0));
                 (self.last, self.last_s) = (Some(place), Some(simulated_s));
             }
             // The encoder is slower than the window: the next picture may find room.
@@ -130,9 +135,9 @@ impl VideoRecorder {
     /// # Errors
     /// What went wrong, in words.
     pub(super) fn finish(mut self) -> Result<FinishedVideo, String> {
-        let length_s = self.status().length_s;
+        let status = self.status();
         self.end().map_err(|error| error.to_string())?;
-        Ok(FinishedVideo { length_s, file: self.file.clone() })
+        Ok(FinishedVideo { status, file: self.file.clone() })
     }
 
     fn end(&mut self) -> Result<(), VideoError> {
@@ -144,13 +149,18 @@ impl VideoRecorder {
 
 /// A video that is complete.
 pub(super) struct FinishedVideo {
-    length_s: f64,
+    status: VideoStatus,
     file: PathBuf,
 }
 
 impl FinishedVideo {
     fn words(&self, decimal: DecimalSeparator) -> String {
-        format!("Video of {} s: {}", decimal.fixed(self.length_s, 1), written(&self.file))
+        let [length, spanned] = [self.status.length_s, self.status.spanned_s].map(|s| decimal.fixed(s, 1));
+        let what = match self.status.request.kind {
+            VideoKind::AsSeen => format!("Video of {length} s"),
+            VideoKind::TimeLapse { .. } => format!("Time-lapse of {length} s, of {spanned} s of the run"),
+        };
+        format!("{what}: {}", written(&self.file))
     }
 }
 
@@ -350,7 +360,9 @@ mod tests {
         }
         assert!(recorder.wants(now, 0.0), "a reset begins anew");
         assert_eq!(recorder.next_in(), None, "it waits for the run");
-        recorder.finish().unwrap();
+        assert!((recorder.status().spanned_s - 8.0).abs() < 1e-9);
+        let said = recorder.finish().unwrap().words(DecimalSeparator::Point);
+        assert!(said.starts_with("Time-lapse of 0.2 s, of 8.0 s of the run: lapse.y4m in /"), "{said}");
         assert_eq!(frames(&file).1.len(), 5);
     }
 

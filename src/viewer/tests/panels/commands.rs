@@ -7,7 +7,7 @@ use city3d_session::playback::Playhead;
 use city3d_session::{Order, RunPhase, Speed};
 use city3d_viewer::ui::{
     CameraMode, ColourBy, Command, KeyMap, Look, ManualDrive, SECTIONS, Shortcut, SpeedUnit, TimelineRange,
-    UiAction,
+    UiAction, VideoKind, VideoRequest, VideoStatus, VideoSubject, Viewpoint,
 };
 use egui::{Key, Modifiers};
 use egui_kittest::Harness;
@@ -33,6 +33,7 @@ pub fn desks() -> [Desk; 6] {
     (running.state.layers.colour, running.state.preferences.scale) = (ColourBy::Speed, 1.5);
     running.state.preferences.units = SpeedUnit::MetrePerSecond;
     driving.state.driving = Some(ManualDrive::take_over(VehicleId(2), 1, 0.0));
+    driving.video = Some(time_lapse());
     let head = Playhead {
         from_s: 0.0,
         to_s: 40.0,
@@ -55,6 +56,12 @@ pub fn desks() -> [Desk; 6] {
     finished.state.runs.end_card.open(1);
     finished.state.runs.end_card.close();
     [selected(), running, driving, replay, editing, finished]
+}
+
+/// A time-lapse that is being recorded.
+fn time_lapse() -> VideoStatus {
+    let request = VideoRequest { subject: VideoSubject::Window, kind: VideoKind::TimeLapse { every_s: 1.0 } };
+    VideoStatus { request, length_s: 1.0, spanned_s: 24.0 }
 }
 
 fn open_palette(harness: &mut Harness<'static, Desk>) {
@@ -263,6 +270,25 @@ fn the_help_is_searched() {
 }
 
 #[test]
+fn the_help_explains_words_and_is_typed_into_at_once() {
+    let mut harness = harness(Desk::with(fleet(1)));
+    press(&mut harness, Key::F1);
+    harness.run_steps(5);
+    type_text(&mut harness, "headway");
+    assert_eq!(harness.state().state.help_words, "headway");
+    harness.get_by_label("How far a vehicle is behind the one ahead: as a time, the gap over the own speed");
+    assert!(harness.query_by_label("Save a screenshot").is_none());
+    press(&mut harness, Key::Escape);
+    assert!(!harness.state().state.open.help, "one Escape closes it");
+    // Who drives keeps the keys.
+    harness.state_mut().state.driving = Some(ManualDrive::take_over(VehicleId(1), 1, 0.0));
+    press(&mut harness, Key::F1);
+    harness.run_steps(5);
+    type_text(&mut harness, "gap");
+    assert_eq!((harness.state().state.open.help, harness.state().state.help_words.as_str()), (true, ""));
+}
+
+#[test]
 fn keys_of_bookmarks_are_one_row_of_the_help_unless_they_are_the_users_own() {
     let mut harness = harness(Desk::with(fleet(1)));
     press(&mut harness, Key::F1);
@@ -357,4 +383,45 @@ fn a_camera_that_rides_takes_the_nearest_vehicle_where_none_is_selected() {
     let state = &empty.state().state;
     assert!(state.notice.as_ref().unwrap().0.starts_with("There is no vehicle yet"));
     assert_eq!(state.viewpoint.mode, CameraMode::Orbit);
+}
+
+#[test]
+fn a_time_lapse_is_begun_and_ended_by_the_palette() {
+    let chosen = |words: &str, video: Option<VideoStatus>| {
+        let mut desk = Desk::with(fleet(1));
+        desk.video = video;
+        let mut harness = harness(desk);
+        open_palette(&mut harness);
+        type_text(&mut harness, words);
+        press(&mut harness, Key::Enter);
+        std::mem::take(&mut harness.state_mut().actions)
+    };
+    let lapse = UiAction::Video(time_lapse().request);
+    for words in ["time-lapse", "timelapse", "lapse"] {
+        assert_eq!(chosen(words, None), [lapse.clone()], "{words}");
+    }
+    let end = VideoRequest { subject: VideoSubject::Window, kind: VideoKind::AsSeen };
+    for words in ["time-lapse", "timelapse", "lapse", "stop recording", "end video"] {
+        assert_eq!(chosen(words, Some(time_lapse())), [UiAction::Video(end)], "{words}");
+    }
+}
+
+#[test]
+fn of_bookmarks_the_palette_lists_those_that_are_set_and_the_next_one() {
+    let mut desk = Desk::with(fleet(1));
+    let viewpoint = Viewpoint::around(&fleet(1));
+    desk.state.bookmarks.set(1, &viewpoint);
+    desk.state.bookmarks.set(4, &viewpoint);
+    let mut harness = harness(desk);
+    let listed = |harness: &Harness<'static, Desk>| {
+        let names = commands().map(|command| command.name);
+        let names = names.filter(|name| name.to_lowercase().contains(" bookmark "));
+        names.filter(|name| harness.query_by_label(name).is_some()).collect::<Vec<_>>()
+    };
+    open_palette(&mut harness);
+    type_text(&mut harness, "bookmark");
+    let some = ["Go to bookmark 1", "Go to bookmark 4", "Set bookmark 1", "Set bookmark 2", "Set bookmark 4"];
+    assert_eq!(listed(&harness), some);
+    type_text(&mut harness, " 7");
+    assert_eq!(listed(&harness), ["Go to bookmark 7", "Set bookmark 7"]);
 }

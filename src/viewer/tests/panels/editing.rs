@@ -60,6 +60,16 @@ fn the_form_changes_the_selected_vehicle() {
 }
 
 #[test]
+fn the_bar_names_the_file_that_is_edited() {
+    let mut harness = harness(editing());
+    assert!(harness.query_by_value("straight").is_none(), "it is saved as another one");
+    harness.get_by_value("mine").click();
+    harness.run_steps(5);
+    click(&mut harness, "straight");
+    assert_eq!(harness.state().actions, [UiAction::Scenario("straight".to_owned())], "the old one again");
+}
+
+#[test]
 fn undo_and_redo_say_of_what() {
     let mut desk = editing();
     desk.edit.as_mut().unwrap().has_history = true;

@@ -170,6 +170,21 @@ fn a_key_that_another_action_has_is_named_and_given_over_or_left_there() {
 }
 
 #[test]
+fn escape_leaves_a_key_where_it_is_and_the_page_open() {
+    let mut harness = page(Desk::with(fleet(2)), "screenshot");
+    press_button(&mut harness, "F12");
+    press(&mut harness, Key::F3);
+    harness.run_steps(3);
+    harness.get_by_label("F3 already has an action: List of events");
+    press(&mut harness, Key::Escape);
+    harness.run_steps(3);
+    assert!(harness.query_by_label_contains("already has an action").is_none());
+    let told = [words(&harness, "Save a screenshot"), words(&harness, "List of events")];
+    assert_eq!(told, ["F12", "F3"].map(str::to_owned));
+    assert!(harness.state().state.open.settings, "the page stays");
+}
+
+#[test]
 fn actions_that_are_never_there_together_share_a_key() {
     // Hazard lights are for who drives; a route is drawn in the editor.
     let mut harness = page(Desk::with(fleet(2)), "hazard");

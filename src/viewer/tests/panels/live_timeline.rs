@@ -316,10 +316,16 @@ fn a_video_begins_and_ends_by_a_key_or_a_button_and_says_how_long_it_is() {
     click(&mut harness, "Time-lapse");
     let lapse = VideoKind::TimeLapse { every_s: 1.0 };
     assert_eq!(take_actions(&mut harness), [UiAction::Video(window(lapse))]);
-    harness.state_mut().video = Some(VideoStatus { request: window(VideoKind::AsSeen), length_s: 75.2 });
-    harness.run_steps(2);
-    click(&mut harness, "\u{23f9} 1:15");
-    assert_eq!(take_actions(&mut harness), [UiAction::Video(window(VideoKind::AsSeen))]);
+    let next = |harness: &Harness<'static, Desk>| harness.get_by_label("\u{23ed} Until ...").rect().left();
+    let before = next(&harness);
+    for (kind, text) in [(VideoKind::AsSeen, "\u{23f9} 1:15"), (lapse, "\u{23f9} 1:15 of 31 min")] {
+        let request = window(kind);
+        harness.state_mut().video = Some(VideoStatus { request, length_s: 75.2, spanned_s: 1879.0 });
+        harness.run_steps(3);
+        assert!((next(&harness) - before).abs() < 1.5, "{text}: its neighbours stay");
+        click(&mut harness, text);
+        assert_eq!(take_actions(&mut harness), [UiAction::Video(window(VideoKind::AsSeen))]);
+    }
 }
 
 fn window(kind: VideoKind) -> VideoRequest {
@@ -381,4 +387,31 @@ fn what_happens_does_not_change_the_height_of_the_bar() {
         harness.run_steps(4);
         assert_eq!(top(&harness), before, "in a window of {width} points");
     }
+}
+
+#[test]
+fn the_list_of_events_stands_still_under_the_mouse() {
+    let stop = |k: u32| mark(f64::from(k) / 32.0, 1 + k % 6, Occurrence::Event(EventKind::Stop));
+    let mut harness = live();
+    harness.state_mut().events = (0..60).map(stop).collect();
+    press(&mut harness, Key::F3);
+    harness.run_steps(30);
+    let row = |harness: &Harness<'static, Desk>| harness.get_by_label("1.75").rect();
+    let before = row(&harness);
+    harness.hover_at(before.center());
+    harness.run_steps(2);
+    harness.state_mut().events.extend((60..90).map(stop));
+    harness.run_steps(30);
+    assert_eq!(row(&harness), before);
+    harness.get_by_label("90 of 90, held");
+    for pressed in [true, false] {
+        let (button, modifiers) = (egui::PointerButton::Primary, egui::Modifiers::NONE);
+        harness.event(egui::Event::PointerButton { pos: before.center(), button, pressed, modifiers });
+    }
+    harness.run_steps(2);
+    assert_eq!(cues(&mut harness), [PlaybackCommand::Show(1.75)], "what was under the mouse");
+    harness.hover_at(Pos2::new(700.0, 300.0));
+    harness.run_steps(30);
+    harness.get_by_label("2.78");
+    assert!(harness.query_by_label("1.75").is_none(), "the newest are in sight again");
 }

@@ -400,7 +400,10 @@ fn a_camera_of_the_scenario_is_told_apart_from_a_usual_one_of_its_name() {
     harness.get_by_value("windscreen");
     harness.state_mut().state.previews[0].eye = PreviewCamera::Own(0);
     harness.run_steps(2);
-    harness.get_by_value("windscreen (scenario)");
+    harness.get_by_value("windscreen*").hover();
+    harness.run_steps(10);
+    let whose = "windscreen (scenario). The scenario gives this vehicle that camera";
+    harness.get_by_label(&format!("Where the picture is taken from, and what it shows: {whose}"));
 }
 
 #[test]

@@ -201,6 +201,10 @@ fn gaps_are_written_in_metres_and_seconds() {
         assert!(has_text(&harness, text), "{text} in {:?}", texts(&harness));
         assert!(has_text(&harness, "gap of less than 1 s"), "the legend tells the colours");
         assert_eq!(harness.state().state.overlay.lines.len(), 1);
+        assert!(has_text(&harness, "gap to the vehicle ahead"), "of all");
+        harness.state_mut().state.selection.vehicle = Some(VehicleId(1));
+        harness.run_steps(3);
+        assert!(has_text(&harness, "gap of the selected vehicle to the one ahead"));
     }
 }
 

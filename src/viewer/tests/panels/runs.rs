@@ -3,7 +3,7 @@
 use super::desk::{Desk, click, fleet, harness, press, with};
 use super::end_card::{finished, outcome};
 use city3d_logbook::figures::Quantity;
-use city3d_logbook::measures::RunMeasures;
+use city3d_logbook::measures::{MeasurePair, RunMeasures};
 use city3d_protocol::snapshot::VehicleId;
 use city3d_sensors::Weather;
 use city3d_simulation::environment::EnvironmentProfile;
@@ -302,6 +302,40 @@ fn two_runs_are_compared_measure_by_measure() {
         let mut cells = harness.get_all_by_label(text);
         assert!(cells.any(|cell| (cell.rect().center().y - row).abs() < 3.0), "{text}");
     }
+}
+
+#[test]
+fn the_table_of_a_comparison_opens_at_its_top() {
+    let present = RunMeasures::of(&outcome());
+    let first = present.beside(&present)[0].clone();
+    let of_vehicle = |k: u32| MeasurePair { vehicle: Some(format!("car{k}")), ..first.clone() };
+    let compared = ComparedRuns {
+        names: ["this run", "another run"].map(str::to_owned),
+        pairs: (0..60).map(of_vehicle).collect(),
+        note: None,
+    };
+    let mut harness = harness(finished());
+    let shows_first = |harness: &Harness<'static, Desk>| harness.query_by_label_contains("car0: ").is_some();
+    harness.state_mut().state.runs.comparison.show(compared.clone());
+    harness.run_steps(4);
+    assert!(shows_first(&harness));
+    harness.hover_at(harness.get_by_label_contains("car3: ").rect().center());
+    for _ in 0..10 {
+        harness.event(egui::Event::MouseWheel {
+            unit: egui::MouseWheelUnit::Point,
+            delta: egui::vec2(0.0, -100.0),
+            phase: egui::TouchPhase::Move,
+            source: egui::MouseWheelSource::Unknown,
+            modifiers: Modifiers::NONE,
+        });
+        harness.run_steps(2);
+    }
+    assert!(!shows_first(&harness), "it is scrolled");
+    harness.state_mut().state.runs.comparison.close();
+    harness.run_steps(3);
+    harness.state_mut().state.runs.comparison.show(compared);
+    harness.run_steps(4);
+    assert!(shows_first(&harness));
 }
 
 #[test]

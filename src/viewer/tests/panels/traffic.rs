@@ -45,7 +45,7 @@ fn the_panel_has_the_numbers_of_the_run() {
         assert!(harness.query_by_label(label).is_some(), "{label}");
     }
     let measures = harness.state().traffic.measures();
-    let fuel = format!("{:.1} mL", measures.effort().fuel_ml);
+    let fuel = format!("{:.1} ml", measures.effort().fuel_ml);
     assert!(measures.effort().fuel_ml > 1.0, "{fuel}");
     assert!(harness.query_by_label(&fuel).is_some(), "{fuel}");
     // The first car of Path 1 stands at its line.

@@ -42,6 +42,8 @@ pub struct Command {
     pub is_in_dialogs: bool,
     scope: Scope,
     is_fixed: bool,
+    /// Its number where it is one of a series of actions, and whether the palette lists it before the number is typed.
+    series: Option<(u8, fn(&UiState, u8) -> bool)>,
     is_available: fn(&UiState, &ViewModel<'_>) -> Availability,
     run: fn(&mut CommandContext<'_, '_>),
 }
@@ -189,6 +191,7 @@ impl Command {
             is_in_dialogs: false,
             scope: Scope::ALL,
             is_fixed: false,
+            series: None,
             is_available: |_, _| Availability::Now,
             run,
         }
@@ -214,6 +217,11 @@ impl Command {
         Self { is_in_dialogs: true, ..self }
     }
 
+    /// The same, but one of a series by this number, which the palette lists where the function says so or the number is typed.
+    const fn numbered(self, number: u8, is_listed: fn(&UiState, u8) -> bool) -> Self {
+        Self { series: Some((number, is_listed)), ..self }
+    }
+
     /// The same, but with a key that dialogs know too, so that it stays.
     const fn fixed(self) -> Self {
         Self { is_fixed: true, ..self }
@@ -227,6 +235,13 @@ impl Command {
     /// Whether it can be run.
     pub fn availability(&self, state: &UiState, shown: &ViewModel<'_>) -> Availability {
         (self.is_available)(state, shown)
+    }
+
+    /// Whether the palette lists it for these words: of a series of actions not all, unless their numbers are typed.
+    pub(super) fn is_listed(&self, state: &UiState, words: &str) -> bool {
+        self.series.is_none_or(|(number, is_listed)| {
+            is_listed(state, number) || words.split_whitespace().any(|word| word == number.to_string())
+        })
     }
 
     /// Runs it, or tells the user what has to be done first.

@@ -96,13 +96,16 @@ registry!(
         video(c, VideoKind::AsSeen);
     })
     .known_as("export film movie mp4"),
+    END_VIDEO = Command::always("End the video or time-lapse", &[], |c| video(c, VideoKind::AsSeen))
+        .known_as("stop recording finish timelapse film movie")
+        .only(|_, shown| Availability::when(shown.video.is_some())),
     VIDEO_SUBJECT = Command::always("Switch videos between the whole window and the city alone", &[], |c| {
         c.state.video_subject = c.state.video_subject.other();
     }),
     TIME_LAPSE = Command::always("Record a time-lapse", &[], |c| {
         video(c, VideoKind::TimeLapse { every_s: c.state.lapse_s });
     })
-    .known_as("export film video")
+    .known_as("export film video timelapse lapse")
     .only(|_, shown| Availability::when(shown.video.is_none())),
     SAVE_CHART = Command::always("Save the chart as SVG, PNG and CSV", &[], |c| {
         c.actions.push(UiAction::SaveChart);

@@ -60,13 +60,43 @@ pub(super) fn disc(overlay: &mut Overlay, middle: DVec2, radius_m: f64, paint: O
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::ui::colour_difference;
+    use crate::ui::colouring::scale;
     use crate::ui::theme::vision::least_difference;
+
+    const COLOURS: [Color32; 11] =
+        [LANE, CROSSING, MERGE, ROUTE, MANY_ROUTES, DRIVEN, PLANNED, GAP, CLOSE_GAP, MEASURED, FRUSTUM];
+    /// Least difference (CIE 1976) of colours that one tells apart without comparing them.
+    const LEAST: f64 = 30.0;
+
+    #[test]
+    fn colours_that_are_shown_together_are_far_apart() {
+        for (place, one) in COLOURS.iter().enumerate() {
+            for other in COLOURS[place + 1..].iter().chain([&EDITED]) {
+                let apart = colour_difference(*one, *other);
+                assert!(apart > LEAST, "{one:?} and {other:?}: {apart:.1}");
+            }
+            // Slowest and fastest vehicles.
+            for end in [0.0, 1.0] {
+                let apart = colour_difference(*one, scale(end));
+                assert!(apart > LEAST, "{one:?} and {end} of the scale: {apart:.1}");
+            }
+        }
+        // Of one and the same vehicle, whatever its speed.
+        for step in 0..=20 {
+            let apart = colour_difference(MEASURED, scale(f64::from(step) / 20.0));
+            assert!(apart > LEAST, "a measured pose at {step} of 20: {apart:.1}");
+        }
+        // What was taken for one another.
+        for (one, other) in [(CROSSING, CLOSE_GAP), (MERGE, FRUSTUM)] {
+            let apart = colour_difference(one, other);
+            assert!(apart > 45.0, "{one:?} and {other:?}: {apart:.1}");
+        }
+    }
 
     #[test]
     fn everybody_tells_the_colours_of_the_legend_apart() {
-        let colours =
-            [LANE, CROSSING, MERGE, ROUTE, MANY_ROUTES, DRIVEN, PLANNED, GAP, CLOSE_GAP, MEASURED, FRUSTUM];
-        let least = least_difference(&colours);
+        let least = least_difference(&COLOURS);
         assert!(least > 25.0, "{least:.1}");
         let reds = [[255, 90, 80], [255, 110, 80]].map(|[r, g, b]| Color32::from_rgb(r, g, b));
         assert!(least_difference(&reds) < 15.0, "the measure sees what is alike");

@@ -17,9 +17,9 @@ const ZONE_TINT: f32 = 0.22;
 /// Opacity of conflict zones, of which several lie one over the other in a junction.
 const CONFLICT_TINT: f32 = 0.2;
 /// Colours of lanes, conflict zones and the route of the selected vehicle, which the legend explains.
-pub const LANE: Color32 = Color32::from_rgb(71, 189, 252);
-pub const MERGE: Color32 = Color32::from_rgb(255, 134, 0);
-pub const CROSSING: Color32 = Color32::from_rgb(206, 44, 90);
+pub const LANE: Color32 = Color32::from_rgb(93, 196, 255);
+pub const MERGE: Color32 = Color32::from_rgb(226, 139, 0);
+pub const CROSSING: Color32 = Color32::from_rgb(174, 64, 78);
 pub const ROUTE: Color32 = Color32::from_rgb(65, 60, 255);
 /// Colour of the lane that the tools of the editor are at.
 pub const EDITED: Color32 = Color32::from_rgb(255, 220, 90);
@@ -27,7 +27,7 @@ pub const EDITED: Color32 = Color32::from_rgb(255, 220, 90);
 pub const ROUTES_APART: usize = 7;
 const ROUTE_SPACING_M: f64 = 0.4;
 /// More of them are one line in this colour, whose width grows with their number.
-pub const MANY_ROUTES: Color32 = Color32::from_rgb(180, 180, 180);
+pub const MANY_ROUTES: Color32 = Color32::from_rgb(167, 167, 167);
 const MANY_ROUTES_WIDTH: f32 = 2.5;
 const WIDTH_OF_ROUTE: f32 = 0.12;
 const WIDEST_ROUTES: f32 = 9.0;

@@ -17,10 +17,10 @@ use glam::{DVec2, DVec3};
 /// Colours that the legend explains.
 pub const DRIVEN: Color32 = Color32::from_rgb(255, 255, 255);
 pub const PLANNED: Color32 = Color32::from_rgb(51, 234, 132);
-pub const GAP: Color32 = Color32::from_rgb(255, 250, 108);
-pub const CLOSE_GAP: Color32 = Color32::from_rgb(220, 60, 178);
-pub const MEASURED: Color32 = Color32::from_rgb(132, 113, 255);
-pub const FRUSTUM: Color32 = Color32::from_rgb(200, 70, 20);
+pub const GAP: Color32 = Color32::from_rgb(205, 255, 39);
+pub const CLOSE_GAP: Color32 = Color32::from_rgb(213, 38, 172);
+pub const MEASURED: Color32 = Color32::from_rgb(180, 101, 255);
+pub const FRUSTUM: Color32 = Color32::from_rgb(199, 0, 0);
 const OUTLINE: Color32 = Color32::from_rgb(255, 240, 120);
 
 /// Margin of the outline around the body.

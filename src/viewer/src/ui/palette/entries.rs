@@ -92,7 +92,7 @@ pub(super) fn matching(words: &str, state: &UiState, shown: &ViewModel<'_>) -> V
     let words = meaning(words);
     let action =
         |command: &'static Command| Entry::action(command, command.availability(state, shown), &state.keys);
-    let actions = commands::all().map(action);
+    let actions = commands::all().filter(|command| command.is_listed(state, &words)).map(action);
     let choices = if words.is_empty() { Vec::new() } else { choices(state, shown) };
     let found: Vec<_> = actions
         .chain(choices)

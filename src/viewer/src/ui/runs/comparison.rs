@@ -57,6 +57,8 @@ pub struct ComparisonPanel {
     is_open: bool,
     /// It was asked for since the last frame, and comes to the front.
     is_asked: bool,
+    /// Its table has not been shown yet since then: it begins at its top.
+    is_unread: bool,
     /// `None` while the other run is chosen.
     compared: Option<ComparedRuns>,
     page: ComparisonPage,
@@ -72,7 +74,7 @@ impl ComparisonPanel {
     /// Shows two runs.
     pub fn show(&mut self, compared: ComparedRuns) {
         (self.is_open, self.is_asked, self.compared) = (true, true, Some(compared));
-        self.curves.vehicle = None;
+        (self.is_unread, self.curves.vehicle) = (true, None);
     }
 
     /// The runs that are shown; `None` while the other one is chosen.
@@ -125,7 +127,10 @@ pub(super) fn window(ui: &Ui, state: &mut UiState, shown: &ViewModel<'_>, action
                 chooses = ui.button("Another run ...").clicked();
             });
             match panel.page {
-                ComparisonPage::Measures => table(ui, &compared.pairs, (preferences, shown.scale())),
+                ComparisonPage::Measures => {
+                    let is_unread = std::mem::take(&mut panel.is_unread);
+                    table(ui, (&compared.pairs, is_unread), (preferences, shown.scale()));
+                }
                 ComparisonPage::Curves => curves(ui, &mut panel.curves, shown.runs.curves),
             }
         }
@@ -189,14 +194,21 @@ fn shown_in(pair: &MeasurePair, units: SpeedUnit, scale: LengthScale) -> (&'stat
     }
 }
 
-fn table(ui: &mut Ui, pairs: &[MeasurePair], (preferences, scale): (Preferences, LengthScale)) {
+fn table(
+    ui: &mut Ui,
+    (pairs, is_unread): (&[MeasurePair], bool),
+    (preferences, scale): (Preferences, LengthScale),
+) {
     let decimal = preferences.decimal;
-    let builder = TableBuilder::new(ui)
+    let mut builder = TableBuilder::new(ui)
         .striped(true)
         .auto_shrink(false)
         .cell_layout(Layout::left_to_right(Align::Center))
         .column(Column::remainder().at_least(180.0).clip(true))
         .columns(Column::exact(84.0), 3);
+    if is_unread {
+        builder = builder.vertical_scroll_offset(0.0);
+    }
     let table = builder.header(ROW_HEIGHT, |mut header| {
         header.col(|ui| _ = ui.strong("Measure"));
         for title in ["A", "B", "B - A"] {

@@ -14,24 +14,24 @@ pub enum DecimalSeparator {
 }
 
 impl DecimalSeparator {
-    /// A number with so many decimals.
+    /// A number with so many decimals; what rounds to zero has no minus.
     pub fn fixed(self, number: f64, decimals: usize) -> String {
-        self.written(format!("{number:.decimals$}"))
+        self.written(signed_as(format!("{number:.decimals$}"), ""))
     }
 
     /// The same, with a sign also where it is positive.
     pub fn signed(self, number: f64, decimals: usize) -> String {
-        self.written(format!("{number:+.decimals$}"))
+        self.written(signed_as(format!("{number:+.decimals$}"), "+"))
     }
 
-    /// With one decimal, without a negative zero: all panels show a number alike.
+    /// With one decimal: all panels show a number alike.
     pub fn tenths(self, number: f64) -> String {
-        self.fixed((number * 10.0).round() / 10.0 + 0.0, 1)
+        self.fixed((number * 10.0).round() / 10.0, 1)
     }
 
     /// With as many decimals as it has.
     pub fn plain(self, number: f64) -> String {
-        self.written(number.to_string())
+        self.written(signed_as(number.to_string(), ""))
     }
 
     /// A number that was written with a point.
@@ -40,6 +40,15 @@ impl DecimalSeparator {
             Self::Point => number,
             Self::Comma => number.replace('.', ","),
         }
+    }
+}
+
+/// A number in digits; where it is a negative zero, with this sign.
+fn signed_as(text: String, sign: &str) -> String {
+    let is_zero = text.contains('0') && !text.contains(|digit| matches!(digit, '1'..='9'));
+    match text.strip_prefix('-') {
+        Some(zero) if is_zero => format!("{sign}{zero}"),
+        _ => text,
     }
 }
 
@@ -61,6 +70,20 @@ pub fn typed(text: &str) -> Option<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn zero_has_no_minus() {
+        let point = DecimalSeparator::Point;
+        assert_eq!(
+            [point.fixed(-0.04, 1), point.fixed(-0.05, 0), point.fixed(-0.06, 1)],
+            ["0.0", "0", "-0.1"]
+        );
+        assert_eq!(
+            [point.signed(-0.004, 2), point.signed(-0.01, 2), point.plain(-0.0)],
+            ["+0.00", "-0.01", "0"]
+        );
+        assert_eq!([point.fixed(-10.0, 0), point.plain(f64::NEG_INFINITY)], ["-10", "-inf"]);
+    }
 
     #[test]
     fn numbers_are_written_with_the_chosen_sign_and_read_with_both() {

@@ -226,13 +226,18 @@ impl ViewerState {
         self.curves = ComparedCurves::default();
         self.past.go_live();
         self.released.clear();
-        self.experiment = experiment;
+        let before = std::mem::replace(&mut self.experiment, experiment);
         let first = self.run_state();
-        let viewpoint = self.state.viewpoint.clone();
-        self.state = self.state.renewed(&first.now);
+        let next = self.state.renewed(&first.now);
+        let looked = std::mem::replace(&mut self.state, next);
         if is_same {
-            // Who runs what was edited, or the same again, looks at the same place.
-            self.state.viewpoint = viewpoint;
+            // Who runs what was edited, or the same again, looks at the same place and the same vehicles.
+            let name = |of: &Experiment, id| of.planned(id).map(|vehicle| vehicle.name.clone());
+            let is_again = |id| {
+                let name_now = name(&self.experiment, id);
+                name_now.is_some() && name_now == name(&before, id)
+            };
+            self.state.look_as(looked, &first.now, is_again);
         }
         self.state.open.editor = false;
         if let Some(kept) = kept {

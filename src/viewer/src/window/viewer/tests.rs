@@ -475,14 +475,24 @@ fn who_runs_the_same_scenario_again_looks_at_the_same_place() {
     viewer.state.set_mode(CameraMode::Overhead);
     viewer.state.viewpoint.look_at(glam::DVec2::new(12.5, 3.0));
     let looked = viewer.state.viewpoint.clone();
+    let vehicles: Vec<VehicleId> = viewer.run_state().now.vehicles.iter().map(|vehicle| vehicle.id).collect();
+    let [first, second, ..] = vehicles[..] else { panic!("too few vehicles: {vehicles:?}") };
+    viewer.state.selection.vehicle = Some(second);
+    viewer.state.previews.clear();
+    [first, second].into_iter().for_each(|vehicle| viewer.state.toggle_preview(vehicle));
+    viewer.state.charts.vehicles = vec![first, VehicleId(9999)];
+    let previews = viewer.state.previews.clone();
     let again = request("straight", 4.0);
     let experiment = loading::read(&again).unwrap();
     viewer.enter(again, experiment, 0.0).unwrap();
     assert_eq!(viewer.state.viewpoint, looked);
+    assert_eq!((viewer.state.selection.vehicle, &viewer.state.previews), (Some(second), &previews));
+    assert_eq!(viewer.state.charts.vehicles, [first], "another one is not there");
     let other = request("roundabout", 4.0);
     let experiment = loading::read(&other).unwrap();
     viewer.enter(other, experiment, 0.0).unwrap();
     assert_ne!(viewer.state.viewpoint, looked);
+    assert_eq!((viewer.state.selection.vehicle, viewer.state.previews.len()), (None, 0));
 }
 
 #[test]

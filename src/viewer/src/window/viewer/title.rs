@@ -8,12 +8,13 @@ use std::path::Path;
 const LONGEST_VALUE: usize = 24;
 
 impl ViewerState {
-    /// Title of the window: the scenario with what replaces values of it, or the log, and the program.
+    /// Title of the window: the scenario, or the edited file, with what replaces values of it, or the log, and the program.
     pub fn title(&self) -> String {
         if self.player().is_some() {
             return format!("Replay of {} - City3D", self.experiment().name);
         }
-        let path = Path::new(&self.request.scenario);
+        let edited = self.editor.as_ref().filter(|_| self.edits).and_then(|editor| editor.file());
+        let path = edited.unwrap_or(Path::new(&self.request.scenario));
         let name = path.file_name().unwrap_or(path.as_os_str());
         let set = replaced(&self.request);
         let set = if set.is_empty() { set } else { format!(" ({set})") };
