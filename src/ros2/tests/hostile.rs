@@ -201,15 +201,17 @@ fn fragments_arrive(city: &Ros2Node) {
     }
 }
 
-/// Waits until the node drops nothing more.
-fn settle(city: &Ros2Node) {
-    let (mut last, mut still) = (city.counters().invalid, 0);
+/// Waits until the node drops something, beyond so much, and then until it drops nothing more. Says how much it has dropped.
+fn settled(city: &Ros2Node, dropped: u64) -> u64 {
+    let (mut last, mut still, begun) = (dropped, 0, Instant::now());
     while still < 20 {
+        assert!(begun.elapsed() < Duration::from_secs(60), "{dropped}, {last} dropped");
         std::thread::sleep(Duration::from_millis(20));
         let now = city.counters().invalid;
-        still = if now == last { still + 1 } else { 0 };
+        still = if now == last && now > dropped { still + 1 } else { 0 };
         last = now;
     }
+    last
 }
 
 #[test]
@@ -220,12 +222,11 @@ fn hostile_participants_take_no_memory_and_stop_nobody() {
     let before = peak();
     let hostile = Hostile::new();
     let mut dropped = city.counters().invalid;
-    let mut check = |city: &mut Ros2Node, what: &str, is_counted: bool| {
-        settle(city);
-        let (more, now) = (peak() - before, city.counters().invalid);
+    let mut check = |city: &mut Ros2Node, what: &str| {
+        let now = settled(city, dropped);
+        let more = peak() - before;
         println!("{what}: {} KiB more, {} dropped", more >> 10, now - dropped);
         assert!(more < BOUND, "{what}: {more} bytes");
-        assert!(!is_counted || now > dropped, "{what}: {now} dropped");
         dropped = now;
         somebody_joins_and_hears(city, what);
     };
@@ -234,19 +235,19 @@ fn hostile_participants_take_no_memory_and_stop_nobody() {
     for k in 0..10 {
         hostile.send(1, &fragment(SPDP, k + 1, 100_000_000));
     }
-    check(&mut city, "huge messages", true);
+    check(&mut city, "huge messages");
     for k in 0..20_000_u32 {
         let [_, a, b, c] = k.to_be_bytes();
         hostile.send(1 + k % 10, &fragment((SPDP.0, [a, b, c, 0xc2]), 1, 60_000));
     }
-    check(&mut city, "many writers", true);
+    check(&mut city, "many writers");
 
     // Participants that never leave, from eight sockets.
     let sockets: Vec<Hostile> = (0..8).map(|_| Hostile::new()).collect();
     for k in 0..20_000 {
         sockets[k as usize % 8].announce(1000 + k);
     }
-    check(&mut city, "many participants", true);
+    check(&mut city, "many participants");
 
     // Readers and writers of a participant that is known, most of them of topics of their own.
     let known = 2;
@@ -265,7 +266,7 @@ fn hostile_participants_take_no_memory_and_stop_nobody() {
             hostile.send(known, &heartbeat(SUBSCRIPTIONS, i64::from(k), i64::from(k), k + 1));
         }
     }
-    check(&mut city, "many endpoints", true);
+    check(&mut city, "many endpoints");
 
     // Fragments of the topic of trajectories, by writers that are matched, and requests for fragments that there are not.
     for k in 0..5000_u32 {
@@ -274,14 +275,14 @@ fn hostile_participants_take_no_memory_and_stop_nobody() {
         hostile.send(known, &fragment(([0; 4], [a, b, c, 0x03]), i64::from(k), of_bytes));
         hostile.send(known, &fragment_request([a, b, c, 0x04], [0, 0, (k / 64) as u8 % 32, 0x03], k));
     }
-    check(&mut city, "fragments of a topic", true);
+    check(&mut city, "fragments of a topic");
 
     // Large messages that wait for one that never comes, in numbers that no collection expects.
     for k in 0..4000 {
         let sequence = 1_000_001 + 64 * k;
         hostile.send(known, &data(PUBLICATIONS, sequence, &[&[0, 3, 0, 0], &[0; 60_000][..]].concat()));
     }
-    check(&mut city, "messages out of order", true);
+    check(&mut city, "messages out of order");
 
     // Numbers that nobody reaches, and ranges that nobody can list.
     let most = i64::MAX;
@@ -289,7 +290,7 @@ fn hostile_participants_take_no_memory_and_stop_nobody() {
     hostile.send(known, &heartbeat(SUBSCRIPTIONS, 1, 1 << 40, 1_000_001));
     hostile.send(known, &gap(SUBSCRIPTIONS, 2_000_000, most));
     hostile.send(known, &gap(SUBSCRIPTIONS, 2_000_000, 1 << 40));
-    check(&mut city, "impossible numbers", true);
+    check(&mut city, "impossible numbers");
 
     fragments_arrive(&city);
 }
