@@ -9,8 +9,8 @@
 #                                          messages (npm), and its definitions of messages (PyPI); a picture goes to
 #                                          FOLDER, out/foxglove unless told otherwise
 #   scripts/peers.sh ros2 [SECONDS]        ROS 2 over DDS: rclpy (Fast DDS) as mainframe and as motion capture, the node of
-#                                          clients/ros2, Cyclone DDS; as root, a second network namespace; 60 vehicles for
-#                                          60 s unless told otherwise
+#                                          clients/ros2, Cyclone DDS, hostile participants; as root, a second network
+#                                          namespace; 60 vehicles for 60 s unless told otherwise
 #   scripts/peers.sh zenoh [SECONDS]       ROS 2 over Zenoh (feature zenoh): zenoh-ros2 and eclipse-zenoh with the hashes and
 #                                          messages of rosbags (PyPI); 60 vehicles for 60 s unless told otherwise
 #
@@ -235,6 +235,7 @@ across_namespaces() {
 ros2() {
     local seconds=${1:-60} city3d=${CITY3D:-} domain=$((100 + RANDOM % 100)) address
     local python=$PWD/target/ros2-peer/bin/python
+    local loopback='<CycloneDDS><Domain><General><Interfaces><NetworkInterface name="lo"/></Interfaces></General></Domain></CycloneDDS>'
     make_venv target/ros2-peer tests/peers/ros2-requirements.txt
     export RMW_IMPLEMENTATION=rmw_fastrtps_cpp ROS_DOMAIN_ID=$domain
     if [[ -z "$city3d" ]]; then
@@ -256,6 +257,15 @@ ros2() {
     serve_ros2 measured mixed "--ros2=$domain" --ros2-control --duration 6
     "$python" tests/peers/ros2_measure.py path1_b -0.9 1.793 0.2 8 path1_a
     end_ros2 measured measure 2
+    say "Cyclone DDS leads a vehicle with trajectories in fragments"
+    serve_ros2 fragments mixed "--ros2=$domain" --ros2-control --duration 6
+    CYCLONEDDS_URI=$loopback "$python" tests/peers/ros2_fragments.py "$domain" path1_a 8
+    end_ros2 fragments lead
+    say "hostile participants take no memory, and others are heard"
+    serve_ros2 attacked mixed "--ros2=$domain" --ros2-control --duration 6
+    "$python" tests/peers/ros2_hostile.py "$domain" "${processes[-1]}" 192
+    "$python" tests/peers/ros2_measure.py path1_b -0.9 1.793 0.2 8 path1_a
+    end_ros2 attacked garbage 2
     say "compressed pictures are whole at default buffers"
     serve_ros2 seen straight "--ros2=$domain" --ros2-cameras
     "$city3d" mainframe straight --duration 60 --city "$address" >"$folder/mainframe.out" 2>&1 &
@@ -274,7 +284,6 @@ ros2() {
     serve_ros2 many "$folder/crowd.toml" "--ros2=$domain" --ros2-tf
     "$city3d" mainframe "$folder/crowd.toml" --city "$address" >"$folder/mainframe.out" 2>&1 &
     processes+=($!)
-    local loopback='<CycloneDDS><Domain><General><Interfaces><NetworkInterface name="lo"/></Interfaces></General></Domain></CycloneDDS>'
     CYCLONEDDS_URI=$loopback "$python" tests/peers/ros2_topics.py "$domain" ros_discovery_info rt/tf rt/tf_static
     CYCLONEDDS_URI=$loopback COLUMNS=120 target/ros2-peer/bin/cyclonedds ls --id "$domain" --suppress-progress-bar >"$folder/listed"
     local listed

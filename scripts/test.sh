@@ -21,6 +21,7 @@ step cargo clippy --locked --all-targets --no-default-features -- -D warnings
 step cargo clippy --locked --no-default-features --features render -- -D warnings
 step cargo clippy --locked --no-default-features --features ros -- -D warnings
 step cargo clippy --locked --no-default-features --features ros2 -- -D warnings
+step scripts/third_party.sh
 step "$PEERS/bin/cargo-deny" --locked check bans licenses sources
 step env RUSTDOCFLAGS="-D warnings" cargo doc --locked --workspace --no-deps
 if cargo nextest --version >/dev/null 2>&1; then

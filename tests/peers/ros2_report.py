@@ -1,5 +1,6 @@
 """Says what came of a served city over ROS 2: arguments are its folder, what it had to do (`drive`: all vehicles drive, none collides;
-`measure`: a vehicle is measured; `garbage`: likewise, among messages that are dropped; `nothing`: nobody is heard) and vehicles' numbers. Fails where it is not so."""
+`measure`: a vehicle is measured; `garbage`: likewise, among messages that are dropped; `lead`: trajectories are heard; `nothing`: nobody
+is heard) and vehicles' numbers. Fails where it is not so."""
 
 import json
 import sys

@@ -2,7 +2,7 @@
 //! through others.
 
 use crate::Ros2Error;
-use crate::dds::Dds;
+use crate::dds::{Dds, DroppedByDds};
 use crate::middleware::{Middleware, Received, TopicSubscriber};
 use crate::options::{Ros2Middleware, Ros2Options, VehicleTopics};
 use crate::publisher::{PoseFrame, Published, PublishedTopics, vehicle_topic};
@@ -98,6 +98,7 @@ pub struct Ros2Node {
     thread: Option<JoinHandle<()>>,
     stamp: Option<Stamp>,
     ahead: AheadLog,
+    dropped_by_dds: DroppedByDds,
 }
 
 impl Ros2Node {
@@ -141,7 +142,8 @@ impl Ros2Node {
             .map_err(|error| Ros2Error::Start(error.to_string()))?;
         // Who has published already is heard without being woken.
         waker.wake();
-        Ok(Self { shared, thread: Some(thread), stamp: None, ahead: AheadLog::default() })
+        let (ahead, dropped_by_dds) = (AheadLog::default(), DroppedByDds::from_now());
+        Ok(Self { shared, thread: Some(thread), stamp: None, ahead, dropped_by_dds })
     }
 
     /// The queue of received trajectories.
@@ -188,7 +190,7 @@ impl PoseExchange for Ros2Node {
             returns: 0,
             received: received + trajectories,
             overwritten,
-            invalid: of(&shared.invalid) + invalid_trajectories,
+            invalid: of(&shared.invalid) + invalid_trajectories + self.dropped_by_dds.count(),
             ahead: self.ahead.count(),
         }
     }

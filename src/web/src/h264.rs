@@ -19,10 +19,15 @@ const QUANTISATION: u8 = 26;
 const MOST_HZ: f32 = 30.0;
 
 /// Encodes the frames of one view, each after the one before.
-pub(crate) struct ViewEncoder(Encoder);
+#[allow(missing_debug_implementations, reason = "that of openh264 has none")]
+pub struct ViewEncoder(Encoder);
 
 impl ViewEncoder {
-    pub(crate) fn new() -> Result<Self, String> {
+    /// An encoder that has no frame before.
+    ///
+    /// # Errors
+    /// When openh264 cannot be set up.
+    pub fn new() -> Result<Self, String> {
         // The conversion to luma and chroma is that of BT.601, the colours are those of sRGB.
         let colours = VuiConfig::bt601()
             .color_primaries(ColorPrimaries::Bt709)
@@ -41,7 +46,10 @@ impl ViewEncoder {
     }
 
     /// Encodes the next frame, by itself where a page lacks the one before.
-    pub(crate) fn encode(&mut self, image: &Image, is_key: bool) -> Result<Picture, String> {
+    ///
+    /// # Errors
+    /// When openh264 makes no frame.
+    pub fn encode(&mut self, image: &Image, is_key: bool) -> Result<Picture, String> {
         let size = (image.width as usize, image.height as usize);
         let planes = YUVBuffer::from_rgb8_source(RgbSliceU8::new(&image.rgb, size));
         if is_key {
@@ -68,7 +76,6 @@ mod tests {
     use city3d_session::pictures::jpeg;
     use openh264::decoder::Decoder;
     use openh264::formats::YUVSource;
-    use std::time::Duration;
 
     const SIZE: [u32; 2] = [192, 128];
     /// Colours of the fields of a picture.
@@ -123,57 +130,5 @@ mod tests {
         assert!(decoded(&mut decoder, &encoder.encode(&image(1), false).unwrap()).is_none());
         let key = encoder.encode(&image(2), true).unwrap();
         assert!(difference(&decoded(&mut decoder, &key).unwrap(), &image(2)) < 6.0);
-    }
-
-    /// What this thread has had of a processor.
-    fn processor_time() -> Duration {
-        let told = std::fs::read_to_string("/proc/thread-self/schedstat").unwrap();
-        Duration::from_nanos(told.split(' ').next().unwrap().parse().unwrap())
-    }
-
-    /// Bytes and processor time of JPEG and H.264 on pictures of `city3d frames`, in the folder `CITY3D_FRAMES`.
-    #[test]
-    #[ignore = "measures"]
-    fn codecs_are_measured() {
-        let folder = std::env::var("CITY3D_FRAMES").expect("CITY3D_FRAMES names a folder with pictures");
-        let mut paths: Vec<_> =
-            std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path()).collect();
-        paths.retain(|path| path.extension().is_some_and(|kind| kind == "png"));
-        paths.sort();
-        let images: Vec<Image> = paths
-            .iter()
-            .map(|path| {
-                let read = image::open(path).unwrap().into_rgb8();
-                Image { width: read.width(), height: read.height(), rgb: read.into_raw() }
-            })
-            .collect();
-        let (mut encoder, mut decoder) = (ViewEncoder::new().unwrap(), Decoder::new().unwrap());
-        let (mut keys, mut deltas, mut jpegs) = (Vec::new(), Vec::new(), Vec::new());
-        for (number, image) in images.iter().enumerate() {
-            let begun = processor_time();
-            let encoded = jpeg(image, 80).unwrap();
-            let took = processor_time() - begun;
-            let read = image::load_from_memory(&encoded).unwrap().into_rgb8();
-            let seen = Image { width: image.width, height: image.height, rgb: read.into_raw() };
-            jpegs.push((encoded.len(), took, difference(&seen, image)));
-            let begun = processor_time();
-            let picture = encoder.encode(image, number == 0).unwrap();
-            let took = processor_time() - begun;
-            let seen = decoded(&mut decoder, &picture).unwrap();
-            let measured = (picture.bytes.len(), took, difference(&seen, image));
-            if number == 0 { keys.push(measured) } else { deltas.push(measured) }
-        }
-        let [width, height] = [images[0].width, images[0].height];
-        for (name, measured) in [("JPEG", jpegs), ("H.264 key frame", keys), ("H.264 other frames", deltas)] {
-            let count = measured.len();
-            let bytes = measured.iter().map(|(bytes, ..)| bytes).sum::<usize>() / count;
-            let took =
-                measured.iter().map(|(_, took, _)| *took).sum::<Duration>().as_secs_f64() / count as f64;
-            let differ = measured.iter().map(|(.., differ)| differ).sum::<f64>() / count as f64;
-            println!(
-                "{width}x{height} {name}: {count} pictures, {bytes} bytes, {:.2} ms, differ by {differ:.2} of 255",
-                1000.0 * took
-            );
-        }
     }
 }

@@ -23,6 +23,14 @@ mod pictures;
 mod pictures;
 mod server;
 
+/// For measurements: `benches/codecs.rs`.
+#[cfg(all(feature = "h264", feature = "render"))]
+#[doc(hidden)]
+pub mod codecs {
+    pub use crate::h264::ViewEncoder;
+    pub use crate::picture::{Picture, PictureKind};
+}
+
 pub use client::PATIENCE;
 pub use control::PageOrders;
 pub use counters::WebCounts;

@@ -5,7 +5,7 @@ use tokio_tungstenite::tungstenite::Bytes;
 /// How a picture is encoded.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(not(feature = "h264"), allow(dead_code, reason = "there are no frames of H.264"))]
-pub(crate) enum PictureKind {
+pub enum PictureKind {
     /// By itself.
     #[default]
     Jpeg,
@@ -17,7 +17,9 @@ pub(crate) enum PictureKind {
 
 /// An encoded picture.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub(crate) struct Picture {
+pub struct Picture {
+    /// How it is encoded.
     pub kind: PictureKind,
+    /// Its bytes.
     pub bytes: Bytes,
 }

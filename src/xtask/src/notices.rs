@@ -85,7 +85,8 @@ pub fn shipped_crates(root: &Path) -> Result<BTreeSet<ShippedCrate>, String> {
             list(&node["deps"]).filter(|dep| list(&dep["dep_kinds"]).any(|kind| kind["kind"].is_null()));
         open.extend(normal.map(|dep| text(&dep["pkg"])));
     }
-    let of_others = known.iter().map(|id| packages[id]).filter(|package| !package["source"].is_null());
+    let ours: BTreeSet<&str> = list(&metadata["workspace_members"]).map(text).collect();
+    let of_others = known.iter().filter(|id| !ours.contains(*id)).map(|id| packages[id]);
     Ok(of_others.map(shipped).collect())
 }
 

@@ -1,7 +1,5 @@
 //! ROS 2 over DDS, by RustDDS: names of topics and types as all of its middlewares make them, messages as they are.
 
-#[cfg(target_os = "linux")]
-mod fence;
 mod graph;
 
 use crate::Ros2Error;
@@ -26,6 +24,23 @@ use std::collections::VecDeque;
 use std::convert::Infallible;
 use std::net::{IpAddr, Ipv4Addr};
 use std::task::Waker;
+
+/// What RustDDS has dropped in this process, because it was no message or beyond its bounds, since some time.
+#[derive(Debug)]
+pub(crate) struct DroppedByDds {
+    before: u64,
+}
+
+impl DroppedByDds {
+    /// Counts from now on.
+    pub(crate) fn from_now() -> Self {
+        Self { before: rustdds::limits::dropped() }
+    }
+
+    pub(crate) fn count(&self) -> u64 {
+        rustdds::limits::dropped().saturating_sub(self.before)
+    }
+}
 
 /// A participant of DDS with the topics of a node.
 pub(crate) struct Dds {
@@ -57,33 +72,31 @@ impl Dds {
     }
 }
 
-#[cfg(target_os = "linux")]
+/// A participant. Without a network RustDDS binds its sockets to the loopback device (`SO_BINDTODEVICE`), which neither lets in
+/// what comes from elsewhere nor lets anything out.
 fn participant(options: &Ros2Options) -> Result<DomainParticipant, Ros2Error> {
-    let fence = |source| Ros2Error::Fence { source };
-    let before = fence::OpenSockets::now().map_err(fence)?;
-    let participant = build(options)?;
-    if options.network == Ros2Network::Loopback {
-        before.fence_new().map_err(fence)?;
-    }
-    Ok(participant)
-}
-
-#[cfg(not(target_os = "linux"))]
-fn participant(options: &Ros2Options) -> Result<DomainParticipant, Ros2Error> {
-    if options.network == Ros2Network::Loopback {
-        return Err(Ros2Error::Fence { source: std::io::ErrorKind::Unsupported.into() });
-    }
-    build(options)
-}
-
-fn build(options: &Ros2Options) -> Result<DomainParticipant, Ros2Error> {
     let builder = DomainParticipantBuilder::new(options.domain);
     let builder = match options.network {
-        Ros2Network::Loopback => builder.with_only_networks([IpAddr::V4(Ipv4Addr::LOCALHOST)]),
+        Ros2Network::Loopback => {
+            try_loopback_device().map_err(|source| Ros2Error::Fence { source })?;
+            builder.with_only_networks([IpAddr::V4(Ipv4Addr::LOCALHOST)])
+        }
         Ros2Network::Interface(address) => builder.with_only_networks([IpAddr::V4(address)]),
         Ros2Network::All => builder,
     };
     builder.build().map_err(refused)
+}
+
+/// Whether a socket can be bound to the loopback device: what RustDDS says where it cannot helps nobody.
+#[cfg(target_os = "linux")]
+fn try_loopback_device() -> std::io::Result<()> {
+    use socket2::{Domain, Socket, Type};
+    Socket::new(Domain::IPV4, Type::DGRAM, None)?.bind_device(Some(b"lo"))
+}
+
+#[cfg(not(target_os = "linux"))]
+fn try_loopback_device() -> std::io::Result<()> {
+    Err(std::io::ErrorKind::Unsupported.into())
 }
 
 /// What a publisher offers. A slow reader holds nobody up: what finds no room in the window is dropped.
