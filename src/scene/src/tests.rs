@@ -212,7 +212,7 @@ fn by_square(triangles: &[[Vec2; 3]]) -> BTreeMap<[i32; 2], Vec<[Vec2; 3]>> {
 fn yellow_lines_keep_to_the_middle_between_directions() {
     let map = city();
     let field = roads::RoadField::new(&map);
-    let mesh = markings::RoadMarkings::new(&map, &field, &lanes::LaneBoxIndex::new(&map)).mesh(0.0);
+    let mesh = markings::RoadMarkings::new(&map, &field, &lanes::LaneBoxIndex::new(&map), &[]).mesh(0.0);
     let yellow = mesh.vertices.iter().filter(|v| v.finish.colour[2] < 100);
     let mut count = 0;
     for vertex in yellow {
