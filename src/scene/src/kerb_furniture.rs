@@ -233,7 +233,7 @@ mod tests {
         let field = RoadField::new(&map);
         let scene = SceneDescription::from_map(&map);
         let has = |finish: Finish| move |v: &Vertex| v.finish == finish;
-        for (finish, least) in [(BOLLARD, 60), (POST_BOX, 3), (CABINET, 5), (STAND, 8)] {
+        for (finish, least) in [(BOLLARD, 40), (POST_BOX, 3), (CABINET, 5), (STAND, 8)] {
             let is_one = has(finish);
             let all =
                 scene.objects.iter().filter(|object| object.levels[0].mesh.vertices.iter().any(&is_one));
