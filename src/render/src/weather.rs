@@ -12,6 +12,9 @@ const FOG_DENSITY: f32 = 1.0 / 85.0;
 const RAIN_COVER: f32 = 0.94;
 const FOG_COVER: f32 = 0.85;
 
+/// What the lamps of the town add to clouds at night, as displayed.
+const TOWN_GLOW_SRGB: [f32; 3] = [0.046, 0.028, 0.006];
+
 /// How wet the ground is, 0 to 1.
 pub(super) fn wetness(weather: Weather) -> f32 {
     match weather {
@@ -43,7 +46,10 @@ pub(super) fn light_in(weather: Weather, clear: Light) -> Light {
 /// over that of clear weather.
 fn overcast(clear: Light, cover: f32, brightness: f32) -> Light {
     let scattered = luminance(clear.sun) * clear.to_sun.z.max(0.0) * cover;
-    let horizon = towards_grey(clear.haze_srgb, cover).map(|channel| channel * brightness);
+    // At night the lamps of the town light clouds from below.
+    let darkness = ((0.30 - luminance(clear.haze_srgb)) / 0.18).clamp(0.0, 1.0);
+    let grey = towards_grey(clear.haze_srgb, cover).map(|channel| channel * brightness);
+    let horizon: [f32; 3] = std::array::from_fn(|k| grey[k] + TOWN_GLOW_SRGB[k] * darkness * cover);
     let above = horizon.map(|channel| channel * 0.86);
     let sky =
         towards_grey(clear.sky, 0.75 * cover).map(|channel| channel * (1.0 - 0.4 * cover) + 0.35 * scattered);

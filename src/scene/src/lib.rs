@@ -2,16 +2,20 @@
 
 #![allow(clippy::disallowed_methods, reason = "only draws; no state of a run depends on it")]
 
+mod bicycles;
 mod buildings;
 mod car_parks;
 mod centre_lines;
 mod class;
+mod crossings;
 mod field;
 mod foliage;
 mod furniture;
 mod ground_sheet;
 mod grounds;
+mod kerb_furniture;
 mod kerbs;
+mod kerbside;
 mod land;
 mod lanes;
 mod lettering;
@@ -30,6 +34,7 @@ mod signals;
 mod signs;
 mod smoothing;
 mod special;
+mod street_names;
 mod surroundings;
 mod trees;
 mod wear;
@@ -248,10 +253,13 @@ impl SceneDescription {
                 draw(&mut mesh);
                 SceneObject::of_one_level(mesh)
             };
-            objects.push(match piece.kind {
-                SceneryKind::Building => one(&|mesh| {
-                    buildings::building(mesh, &place, &lanes, &around);
-                }),
+            let object = match piece.kind {
+                SceneryKind::Building => {
+                    let (mut mesh, mut trim) = (Mesh::default(), Mesh::default());
+                    buildings::building([&mut mesh, &mut trim], &place, &lanes, &around);
+                    objects.push(buildings::trimmings(trim));
+                    SceneObject::of_one_level(mesh)
+                }
                 SceneryKind::Tree => nursery.tree(&place),
                 SceneryKind::Hedge => plants::hedge(&place),
                 SceneryKind::Wall => one(&|mesh| props::wall(mesh, &place)),
@@ -274,7 +282,8 @@ impl SceneDescription {
                     grounds::ground(&mut lying, &place, &drives, beside_roads);
                     continue;
                 }
-            });
+            };
+            objects.push(object);
             if piece.kind == SceneryKind::Building {
                 let pumps = buildings::pumps(&place).into_iter();
                 objects.extend(
@@ -292,17 +301,23 @@ impl SceneDescription {
         let (heads, signals): (Vec<_>, Vec<_>) = signals::signals(map, &field).into_iter().unzip();
         objects.extend(heads);
         let mut instanced = models::place(map, models);
-        let posts = people::Posts::of(&objects);
+        objects.extend(street_names::poles(map, &field));
+        let crossings = crossings::crossings(map, &field);
+        let posts = kerbside::Posts::of(&objects);
+        objects.extend(kerb_furniture::furniture((map, &field), outlines.kerbs(), &crossings, &posts));
+        let posts = kerbside::Posts::of(&objects);
         let people = people::people(map, &field, outlines.kerbs(), &posts);
         objects.extend(parked::cars(map, &drives));
         objects.retain(|object: &SceneObject| !object.is_empty());
+        let mut gullies = Mesh::default();
+        kerb_furniture::gullies(&mut gullies, outlines.kerbs());
         let sheet = outlines.ground(map, &drives);
         let land = land::Land::new(map, &field, sheet.rim());
         land.lay(&mut lying);
         objects.extend(land.gardens(&nursery));
         let roads = |error_m: &f32| LodMesh { mesh: sheet.mesh(*error_m), error_m: *error_m };
         let paint = || {
-            let paint = markings::RoadMarkings::new(map, &field, &lanes);
+            let paint = markings::RoadMarkings::new(map, &field, &lanes, &crossings);
             markings::LEVELS
                 .par_iter()
                 .map(|&error_m| LodMesh { mesh: paint.mesh(error_m), error_m })
@@ -322,7 +337,9 @@ impl SceneDescription {
         );
         objects.extend(clocks.into_iter().chain(people));
         let mut ground = vec![SceneObject { levels: roads }, SceneObject { levels: paint }];
-        let mut wear = SceneObject::of_one_level(wear::wear(map, &lanes));
+        let mut worn = wear::wear(map, &lanes);
+        worn.append(&gullies);
+        let mut wear = SceneObject::of_one_level(worn);
         // From afar plain asphalt suffices.
         wear.levels.push(LodMesh { mesh: Mesh::default(), error_m: wear::SEEN_M });
         ground.push(wear);

@@ -1,6 +1,7 @@
 //! Road markings derived from the lanes: lane lines, centre lines, stop lines, yield triangles, arrows.
 
 use super::centre_lines::centre_lines;
+use super::crossings::Crossing;
 use super::field::simplified;
 use super::lanes::LaneBoxIndex;
 use super::mesh::{Class, Finish, Mesh, Surface};
@@ -72,7 +73,12 @@ impl PaintedSymbols {
 }
 
 impl RoadMarkings {
-    pub(super) fn new(map: &CityMap, field: &RoadField, boxes: &LaneBoxIndex<'_>) -> Self {
+    pub(super) fn new(
+        map: &CityMap,
+        field: &RoadField,
+        boxes: &LaneBoxIndex<'_>,
+        crossings: &[Crossing],
+    ) -> Self {
         let mut figures = PaintedSymbols::default();
         let mut dashes = Vec::new();
         for lane in map.lanes.iter().filter(|lane| lane.kind == LaneKind::Lane) {
@@ -87,6 +93,9 @@ impl RoadMarkings {
                 ControlLineKind::Stop => stop_line(&mut figures, driving, line.ends),
                 ControlLineKind::Yield => yield_triangles(&mut figures, driving, line.ends),
             }
+        }
+        for (bar, width_m) in crossings.iter().flat_map(|crossing| crossing.bars(field)) {
+            figures.bar(bar, width_m);
         }
         Self { edges: field.distance.contours(-0.04), dashes, doubles, figures }
     }

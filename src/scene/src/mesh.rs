@@ -137,15 +137,15 @@ pub enum Class {
     Wall = 6,
     /// Trees, hedges, hedgerows, flower beds, reeds and woods.
     Vegetation = 7,
-    /// Street lamps, and posts of signs and traffic signals.
+    /// Street lamps, bollards, and posts of signs, street names and traffic signals.
     Pole = 8,
-    /// Benches, picnic tables, bins, fuel pumps and playground equipment.
+    /// Benches, picnic tables, bins, fuel pumps, playground equipment, post boxes, cabinets and bicycle stands.
     Furniture = 9,
     /// Ponds.
     Water = 10,
-    /// Vehicles with glass, lamps and wheels, and parked cars.
+    /// Vehicles with glass, lamps and wheels, parked cars and bicycles.
     Vehicle = 11,
-    /// Faces of road signs and heads of traffic signals; their poles are poles.
+    /// Faces of road signs, names of streets and heads of traffic signals; their poles are poles.
     Sign = 12,
     /// Pedestrians, and people who sit.
     Person = 13,

@@ -1,21 +1,22 @@
 //! People on pavements and benches: a few figures of low-poly limbs. They are scenery: nothing collides with
 //! them, and they stay in their pose.
 
+use super::bicycles;
 use super::foliage::limb;
 use super::ground_sheet::KERB_M;
-use super::grounds::{covers, distance_to};
+use super::kerbside::{KerbRow, Posts, along_kerb, has_room};
 use super::mesh::{Class, Finish, Mesh, Surface};
-use super::polygon::mitre;
-use super::roads::{RoadField, SHOULDER_M};
+use super::roads::RoadField;
 use super::{LodMesh, SceneObject, hash_to_unit};
-use city3d_roadmap::{CityMap, Footprint, SceneryKind};
-use glam::{Affine3A, DVec2, Quat, Vec2, Vec3};
+use city3d_roadmap::{CityMap, SceneryKind};
+use glam::{Affine3A, DVec2, Quat, Vec3};
 
-/// Mean spacing along a kerb, and the range of distances from its face.
-const SPACING_M: f64 = 5.5;
-const OFF_KERB_M: [f64; 2] = [0.75, 1.65];
+/// Where people are along a kerb.
+const ROW: KerbRow = KerbRow { spacing_m: 5.5, off_kerb_m: [0.75, 1.65], salt: 11 };
 /// Clearance from what stands on the pavement.
 const CLEAR_M: f64 = 0.55;
+/// Share of those along kerbs who wait astride a bicycle.
+const CYCLISTS: f32 = 0.06;
 /// Seat of a bench, and where on it people sit, along it.
 const SEAT_M: f32 = 0.58;
 const SEATS_M: [f32; 2] = [-0.42, 0.40];
@@ -29,6 +30,8 @@ enum Pose {
     Stand,
     Walk,
     Sit,
+    /// Astride a bicycle, both feet on the ground.
+    Straddle,
 }
 
 /// Colours of a figure.
@@ -40,7 +43,7 @@ struct Outfit {
 }
 
 /// The figures: each one is a model of its own.
-const FIGURES: [(Pose, Outfit); 9] = [
+const FIGURES: [(Pose, Outfit); 11] = [
     (Pose::Stand, outfit([62, 84, 120], [44, 46, 54], [54, 40, 30], [214, 172, 142])),
     (Pose::Stand, outfit([168, 62, 54], [70, 72, 80], [30, 26, 24], [150, 108, 82])),
     (Pose::Stand, outfit([196, 184, 156], [92, 74, 58], [150, 146, 140], [226, 186, 158])),
@@ -50,6 +53,9 @@ const FIGURES: [(Pose, Outfit); 9] = [
     (Pose::Walk, outfit([214, 214, 210], [84, 100, 130], [170, 128, 78], [228, 190, 164])),
     (Pose::Sit, outfit([120, 78, 112], [66, 66, 74], [70, 50, 36], [218, 176, 146])),
     (Pose::Sit, outfit([74, 104, 132], [110, 98, 80], [138, 134, 130], [206, 164, 134])),
+    // What would be hair is a helmet.
+    (Pose::Straddle, outfit([214, 200, 60], [44, 46, 54], [206, 60, 48], [220, 178, 148])),
+    (Pose::Straddle, outfit([70, 112, 158], [88, 82, 72], [222, 224, 226], [160, 116, 90])),
 ];
 
 const fn outfit(coat: [u8; 3], trousers: [u8; 3], hair: [u8; 3], skin: [u8; 3]) -> Outfit {
@@ -77,6 +83,7 @@ fn figure(mesh: &mut Mesh, pose: Pose, outfit: &Outfit, sides: u32) {
             Pose::Walk if side > 0.0 => [at(0.22, y, 0.50), at(0.33, y, 0.12), at(0.50, y, 0.09)],
             Pose::Walk => [at(-0.06, y, 0.45), at(-0.36, y, 0.20), at(-0.26, y, 0.03)],
             Pose::Sit => [at(0.42, y, 0.04), at(0.40, y, -0.37), at(0.58, y, -0.42)],
+            Pose::Straddle => [at(0.06, 2.0 * y, 0.46), at(0.0, 2.3 * y, 0.09), at(0.18, 2.5 * y, 0.03)],
         };
         limb(mesh, &[(at(0.0, y, hip), 0.105), (knee, 0.07), (ankle, 0.05)], few, trousers);
         limb(
@@ -89,14 +96,19 @@ fn figure(mesh: &mut Mesh, pose: Pose, outfit: &Outfit, sides: u32) {
             Pose::Walk => -0.24 * side,
             Pose::Stand => 0.05,
             Pose::Sit => 0.26,
+            Pose::Straddle => 0.34,
         };
         let shoulder = at(0.0, 0.20 * side, hip + 0.55);
         let elbow = at(0.4 * swing - 0.02, 0.27 * side, hip + 0.27);
-        let hand = at(swing + 0.06, 0.24 * side, hip + if pose == Pose::Sit { 0.10 } else { 0.03 });
+        let hand = at(swing + 0.06, 0.24 * side, hip + if swing > 0.2 { 0.10 } else { 0.03 });
         limb(mesh, &[(shoulder, 0.068), (elbow, 0.052), (hand, 0.042)], 3, coat.shaded(0.92));
         limb(mesh, &[(hand, 0.042), (hand + at(0.02, 0.0, -0.09), 0.012)], 3, skin);
     }
-    let lean = if pose == Pose::Walk { 0.04 } else { 0.0 };
+    let lean = match pose {
+        Pose::Walk => 0.04,
+        Pose::Straddle => 0.08,
+        Pose::Stand | Pose::Sit => 0.0,
+    };
     let trunk = [
         (at(0.0, 0.0, hip - 0.10), 0.13),
         (at(0.0, 0.0, hip + 0.05), 0.165),
@@ -126,7 +138,7 @@ fn figure(mesh: &mut Mesh, pose: Pose, outfit: &Outfit, sides: u32) {
 fn plain_figure(mesh: &mut Mesh, pose: Pose, outfit: &Outfit) {
     let up = |x: f32, z: f32| Vec3::new(x, 0.0, z);
     let (legs, hip): (&[(Vec3, f32)], f32) = match pose {
-        Pose::Stand => (&[(Vec3::ZERO, 0.11), (Vec3::new(0.0, 0.0, 0.86), 0.17)], 0.86),
+        Pose::Stand | Pose::Straddle => (&[(Vec3::ZERO, 0.11), (Vec3::new(0.0, 0.0, 0.86), 0.17)], 0.86),
         Pose::Walk => (&[(Vec3::ZERO, 0.24), (Vec3::new(0.0, 0.0, 0.86), 0.15)], 0.86),
         Pose::Sit => (&[(Vec3::new(0.42, 0.0, -0.42), 0.13), (Vec3::new(0.3, 0.0, 0.08), 0.17)], 0.0),
     };
@@ -151,24 +163,6 @@ fn object((pose, outfit): &(Pose, Outfit)) -> SceneObject {
     object
 }
 
-/// Where figures may not stand besides the scenery: boxes of signs and signals.
-pub(super) struct Posts(Vec<[Vec2; 2]>);
-
-impl Posts {
-    /// Of the objects that are no wider than a post with its sign.
-    pub(super) fn of(objects: &[SceneObject]) -> Self {
-        const MOST_M: f32 = 1.6;
-        let boxes = objects.iter().filter_map(|object| Some(object.levels.first()?.mesh.bounds()));
-        let flat = boxes.map(|corners| corners.map(Vec3::truncate));
-        Self(flat.filter(|[low, high]| (*high - *low).max_element() < MOST_M).collect())
-    }
-
-    fn are_clear_of(&self, at: Vec2) -> bool {
-        let clear = CLEAR_M as f32;
-        !self.0.iter().any(|[low, high]| at.cmpgt(*low - clear).all() && at.cmplt(*high + clear).all())
-    }
-}
-
 /// People along the kerbs, whose rings have the road to their left, and on benches.
 pub(super) fn people(
     map: &CityMap,
@@ -177,6 +171,7 @@ pub(super) fn people(
     posts: &Posts,
 ) -> Vec<SceneObject> {
     let figures: Vec<SceneObject> = FIGURES.iter().map(object).collect();
+    let bicycle = bicycles::bicycle();
     let mut people = Vec::new();
     let mut add = |seed: u32, is_wanted: &dyn Fn(Pose) -> bool, at: Vec3, yaw_rad: f32| {
         let fit: Vec<usize> = (0..FIGURES.len()).filter(|&k| is_wanted(FIGURES[k].0)).collect();
@@ -187,10 +182,19 @@ pub(super) fn people(
         let mut person = figures[chosen].placed(here, |finish| finish);
         person.levels.push(LodMesh { mesh: Mesh::default(), error_m: UNDRAWN_M });
         people.push(person);
+        if FIGURES[chosen].0 == Pose::Straddle {
+            people.push(bicycles::painted(&bicycle, here, seed));
+        }
     };
     for (ring, seed) in kerbs.iter().zip(0..) {
-        for (seed, at, along) in along_kerb(ring, seed) {
-            if !has_room(map, field, posts, at) {
+        for (seed, at, along) in along_kerb(ring, seed, &ROW) {
+            if !has_room(map, field, posts, (at, CLEAR_M)) {
+                continue;
+            }
+            if hash_to_unit(seed, 7) < CYCLISTS {
+                // They wait as traffic drives, the road to their left.
+                let yaw_rad = (-along).as_vec2().to_angle();
+                add(seed, &|wanted| wanted == Pose::Straddle, at.as_vec2().extend(KERB_M - 0.01), yaw_rad);
                 continue;
             }
             let is_walking = hash_to_unit(seed, 3) < 0.6;
@@ -217,43 +221,10 @@ pub(super) fn people(
     people
 }
 
-/// Places behind a kerb with their seeds and the direction of the kerb.
-fn along_kerb(ring: &[DVec2], number: u32) -> impl Iterator<Item = (u32, DVec2, DVec2)> {
-    let mut next = SPACING_M * f64::from(hash_to_unit(number, 11));
-    let (mut start, mut count) = (0.0, 0);
-    (0..ring.len()).flat_map(move |k| {
-        let (from, to) = (ring[k], ring[(k + 1) % ring.len()]);
-        let length = from.distance(to);
-        let along = (to - from).try_normalize().unwrap_or(DVec2::X);
-        let mut found = Vec::new();
-        while next < start + length {
-            let seed = number.wrapping_mul(4099).wrapping_add(count);
-            let [near, far] = OFF_KERB_M;
-            let out = near + (far - near) * f64::from(hash_to_unit(seed, 12));
-            let outward = if next - start < 0.5 { mitre(ring, k) } else { -along.perp() };
-            found.push((seed, from + along * (next - start) + outward * out, along));
-            next += SPACING_M * (0.4 + 1.2 * f64::from(hash_to_unit(seed, 13)));
-            count += 1;
-        }
-        start += length;
-        found
-    })
-}
-
-/// Whether nobody would stand on the road, in a wall, or in what else is there.
-fn has_room(map: &CityMap, field: &RoadField, posts: &Posts, at: DVec2) -> bool {
-    let off_road = f64::from(field.distance.at(at)) > f64::from(SHOULDER_M) + CLEAR_M;
-    let is_clear = map.scenery.iter().all(|piece| match (piece.kind, &piece.shape) {
-        (SceneryKind::Grass | SceneryKind::Paving, _) => true,
-        (SceneryKind::Tree, Footprint::Circle { centre, .. }) => centre.distance(at) > CLEAR_M,
-        (_, shape) => distance_to(shape, at) > CLEAR_M && !covers(shape, at),
-    });
-    off_road && is_clear && posts.are_clear_of(at.as_vec2())
-}
-
 #[cfg(test)]
 mod tests {
     use super::super::SceneDescription;
+    use super::super::grounds::distance_to;
     use super::super::mesh::Vertex;
     use super::super::tests::city;
     use super::*;

@@ -83,6 +83,30 @@ fn door(mesh: &mut Mesh, (front, bay): (&Facade, f32), style: &Style, [storey, e
     if style.sign.is_none() && !style.gabled && eaves > 8.0 {
         front.slab(mesh, [middle, 2.2], [high + 0.18, high + 0.32], 0.95, TRIM.shaded(0.95));
     }
+    if style.sign.is_none() && style.gabled && style.has_porch && eaves > high + 0.75 {
+        porch(mesh, front, middle, high + 0.16, style.tiles);
+    }
+}
+
+/// A small roof over a door on two brackets.
+fn porch(mesh: &mut Mesh, front: &Facade, middle: f32, low: f32, tiles: Finish) {
+    const HALF_M: f32 = 0.98;
+    const OUT_M: f32 = 0.78;
+    const RISE_M: f32 = 0.42;
+    let at = |x: f32, z: f32, out: f32| front.at((middle + x) / front.width(), low + z, out);
+    let eaves = [at(-HALF_M, 0.06, OUT_M), at(HALF_M, 0.06, OUT_M)];
+    let top = [at(HALF_M, RISE_M, 0.0), at(-HALF_M, RISE_M, 0.0)];
+    mesh.plate(&[eaves[0], eaves[1], top[0], top[1]], tiles, 2.0);
+    let under =
+        [at(-HALF_M, 0.0, 0.0), at(HALF_M, 0.0, 0.0), at(HALF_M, 0.0, OUT_M), at(-HALF_M, 0.0, OUT_M)];
+    mesh.plate(&under, TRIM.shaded(0.7), 2.0);
+    mesh.plate(&[under[3], under[2], eaves[1], eaves[0]], TRIM, 2.0);
+    mesh.plate(&[under[0], under[3], eaves[0], top[1]], TRIM, 2.0);
+    mesh.plate(&[under[2], under[1], top[0], eaves[1]], TRIM, 2.0);
+    for x in [-HALF_M + 0.12, HALF_M - 0.12] {
+        front.slab(mesh, [middle + x, 0.09], [low - 0.42, low], 0.12, TRIM.shaded(0.9));
+        front.slab(mesh, [middle + x, 0.08], [low - 0.10, low], 0.60, TRIM.shaded(0.9));
+    }
 }
 
 pub(super) fn entrance(mesh: &mut Mesh, (front, bay): (&Facade, f32), style: &Style, name: &str, eaves: f32) {

@@ -5,8 +5,10 @@ mod entrance;
 mod roof;
 mod side;
 mod style;
+mod trimmings;
 
 pub(super) use style::DARK;
+pub(super) use trimmings::object as trimmings;
 
 use super::grounds::ring_of;
 use super::lanes::LaneBoxIndex;
@@ -23,9 +25,9 @@ const STOREY_M: f32 = 3.1;
 const FOOT_M: f32 = 0.05;
 
 /// Draws a building. Its front is not a side that other buildings block, and its door not where an obstacle
-/// blocks the way.
+/// blocks the way. `trim` gets what is too small to be seen from afar.
 pub(super) fn building(
-    mesh: &mut Mesh,
+    [mesh, trim]: [&mut Mesh; 2],
     place: &SeededScenery<'_>,
     lanes: &LaneBoxIndex<'_>,
     around: &Surroundings<'_>,
@@ -47,7 +49,7 @@ pub(super) fn building(
     let rise = if gabled { rise_of(short, height) } else { 0.0 };
     let eaves = height - rise;
     if gabled {
-        roof::gable_roof(mesh, &ring, eaves, rise, &style, place);
+        roof::gable_roof([mesh, trim], &ring, (eaves, rise), &style, place);
     } else {
         roof::flat_roof(mesh, place, &ring, eaves);
     }
@@ -67,6 +69,21 @@ pub(super) fn building(
         storeys(mesh, side, &style, (eaves, below(k)), windowless);
     }
     entrance::entrance(mesh, (&sides[front], bay), &style, &name, eaves);
+    let drop = roof::overhang_drop(rise, short);
+    let overhung: Vec<Option<f32>> = (0..sides.len()).map(|k| below(k).then_some(eaves - drop)).collect();
+    let house = trimmings::House {
+        place,
+        sides: &sides,
+        open: &open,
+        front,
+        bay,
+        style: &style,
+        eaves,
+        storey: eaves / storeys_up_to(eaves),
+        overhung: &overhung,
+    };
+    trimmings::of_walls(trim, &house);
+    trimmings::bay_window(mesh, &house, |at| !around.bars_the_way(at) && !is_built(at));
     special::additions(mesh, &name, &ring, height);
 }
 

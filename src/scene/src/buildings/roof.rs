@@ -6,6 +6,7 @@ use super::super::polygon::Region;
 use super::super::roads::level;
 use super::super::{SeededScenery, special};
 use super::style::{BARE_BRICK, DARK, FLAT_ROOF, Style, TRIM, wall};
+use super::trimmings;
 use city3d_roadmap::Footprint;
 use glam::{Vec2, Vec3};
 
@@ -80,16 +81,21 @@ pub(super) fn eaves_over(ring: &[Vec2], is_gabled: bool) -> impl Fn(usize) -> bo
     move |side| along.is_some_and(|along| side % 2 == along)
 }
 
+const OVERHANG_M: f32 = 0.4;
+
+/// How far eaves hang below the top of the wall.
+pub(super) fn overhang_drop(rise: f32, gable_m: f32) -> f32 {
+    rise / (gable_m / 2.0) * OVERHANG_M
+}
+
 /// A gabled roof with overhanging eaves along the longer axis of a rectangle, gables and a chimney.
 pub(super) fn gable_roof(
-    mesh: &mut Mesh,
+    [mesh, trim]: [&mut Mesh; 2],
     ring: &[Vec2],
-    eaves: f32,
-    rise: f32,
+    (eaves, rise): (f32, f32),
     style: &Style,
     place: &SeededScenery<'_>,
 ) {
-    const OVERHANG_M: f32 = 0.4;
     // a to b is the longer side.
     let turn = side_along(ring);
     let [a, b, c, d] = [0, 1, 2, 3].map(|k| ring[(k + turn) % 4]);
@@ -97,7 +103,7 @@ pub(super) fn gable_roof(
     let along = (b - a).normalize_or(Vec2::X) * OVERHANG_M;
     let out = (a - d).normalize_or(Vec2::Y);
     let half = a.distance(d) / 2.0;
-    let slope_drop = rise / half * OVERHANG_M;
+    let slope_drop = overhang_drop(rise, 2.0 * half);
     let ridge = |p: Vec2, end: f32| (p + along * end).extend(eaves + rise);
     let eave = |p: Vec2, side: f32, end: f32| {
         (p + along * end + out * (side * OVERHANG_M)).extend(eaves - slope_drop)
@@ -106,12 +112,16 @@ pub(super) fn gable_roof(
     let run = (half + OVERHANG_M).hypot(rise + slope_drop);
     let uvs =
         [Vec2::ZERO, Vec2::new(length, 0.0), Vec2::new(length, run), Vec2::new(0.0, run)].map(|uv| uv / 3.0);
-    for (corners, lift) in [
+    for (salt, (corners, lift)) in [
         ([eave(a, 1.0, -1.0), eave(b, 1.0, 1.0), ridge(ridge_b, 1.0), ridge(ridge_a, -1.0)], 0.14),
         ([eave(c, -1.0, 1.0), eave(d, -1.0, -1.0), ridge(ridge_a, -1.0), ridge(ridge_b, 1.0)], 0.14),
-    ] {
+    ]
+    .into_iter()
+    .enumerate()
+    {
         let top = corners.map(|p| p + Vec3::Z * lift);
         mesh.face(&top, &uvs, style.tiles);
+        trimmings::roof_windows(trim, place, top, salt as u32);
         // Underside and fascia.
         let [p, q, r, s] = corners;
         let first = mesh.vertices.len();
@@ -141,4 +151,5 @@ pub(super) fn gable_roof(
         along.to_angle(),
         chimney,
     );
+    trimmings::on_chimney(trim, place, at.extend(eaves + rise + 0.7), along);
 }

@@ -44,6 +44,8 @@ pub(super) struct Style {
     pub(super) tiles: Finish,
     pub(super) door: Finish,
     pub(super) gabled: bool,
+    /// A small roof over the door of a house.
+    pub(super) has_porch: bool,
     pub(super) sign: Option<Finish>,
     /// Wide doors on the front instead of one entrance.
     pub(super) gates: Option<[u8; 3]>,
@@ -80,6 +82,7 @@ pub(super) fn style(place: &SeededScenery<'_>, name: &str, short_m: f32, height:
         tiles,
         door: wall(Surface::Door, pick(&DOORS, 7)),
         gabled: dwelling && short_m < 11.0 && height < 16.0,
+        has_porch: place.hash_to_unit(86) < 0.55,
         sign: None,
         gates: None,
     };

@@ -112,7 +112,10 @@ impl Farm {
             front_rad: Some(self.along.to_angle()),
             shape: Footprint::Polygon(ring.map(|(along, away)| self.place(along, away)).to_vec()),
         };
-        buildings::building(&mut house, &SeededScenery { piece: &piece, seed: self.seed }, lanes, around);
+        let place = SeededScenery { piece: &piece, seed: self.seed };
+        // Too far away for gutters and the like.
+        let mut trim = Mesh::default();
+        buildings::building([&mut house, &mut trim], &place, lanes, around);
         house.vertices.iter_mut().for_each(|v| v.position += up);
         let mut barns = Mesh::default();
         let pick = |finishes: &[Finish; 3], salt| finishes[(self.hash(salt) * 3.0) as usize % 3];

@@ -87,7 +87,7 @@ pub(super) fn cabin(builder: &mut PrimitiveBuilder, shape: &CarShape, detail: Ca
         .map(|(k, station)| {
             let bulge = match k {
                 0 => -0.05,
-                k if k == last => 0.10,
+                k if k == last => BULGE_M,
                 _ => 0.0,
             };
             let whole = section(shape, station, bulge, detail);
@@ -155,22 +155,37 @@ pub(super) fn cabin(builder: &mut PrimitiveBuilder, shape: &CarShape, detail: Ca
     }
 }
 
-/// What a camera behind the windscreen sees between it and the bonnet; from outside the glass hides it.
+/// How far the foot of the windscreen bulges forward in its middle.
+const BULGE_M: f32 = 0.10;
+
+/// The foot of the windscreen as a smooth line from right to left, a little above the glass.
+fn windscreen_foot(shape: &CarShape) -> Vec<Vec3> {
+    const PARTS: i16 = 6;
+    let [.., x] = shape.cabin.stations;
+    let wide = body::half_at(x) * 0.875;
+    let high = shape.shoulder_at(x) + 0.008;
+    (-PARTS..=PARTS)
+        .map(|k| {
+            let share = 0.94 * f32::from(k) / f32::from(PARTS);
+            let round = 1.0 - share * share;
+            Vec3::new(x + BULGE_M * round, wide * share, high + (shape.crown + 0.012) * round)
+        })
+        .collect()
+}
+
+/// What a camera behind the windscreen sees below its glass: the dashboard, whose edge hides the rear of the bonnet. From
+/// outside opaque glass hides it.
 fn dashboard(builder: &mut PrimitiveBuilder, shape: &CarShape) {
     let [.., front_foot] = shape.cabin.stations;
-    let x = [front_foot - 0.80, front_foot - 0.09];
-    let (half, foot) = (body::half_at(x[1]), shape.shoulder_at(x[1]) + 0.003);
-    // Arched like the bonnet, so that nothing of that shows through.
-    let arch = |k: u8| {
-        let f = 0.78 * (f32::from(k) / 4.0 - 1.0);
-        (half * f, foot + shape.crown * (1.0 - f * f))
+    let foot = windscreen_foot(shape);
+    // From the glass over a slot for warm air and a brow to the passengers; rows go backwards.
+    let row = |back: f32, up: f32| -> Vec<Vec3> {
+        foot.iter().map(|&at| at + Vec3::new(-back, -0.12 * back * at.y, up)).collect()
     };
-    for k in 0..8 {
-        let (right, left) = (arch(k), arch(k + 1));
-        let corner = |x, (y, z)| Vec3::new(x, y, z);
-        let corners = [corner(x[0], right), corner(x[1], right), corner(x[1], left), corner(x[0], left)];
-        builder.plate(&corners, DASHBOARD, 130);
-    }
+    let rear = foot.iter().map(|&at| Vec3::new(front_foot - 0.80, 0.92 * at.y, at.z)).collect();
+    let rows = [row(0.0, 0.0), row(0.065, 0.016), row(0.085, 0.016), row(0.24, 0.028), rear];
+    let material = |row: usize, _: usize| Some(if row == 1 { SEAM } else { DASHBOARD });
+    builder.grid(&rows, |_| 130, material);
 }
 
 /// Frames of the side windows, the dark edge of windscreen and rear window, and wipers.
@@ -221,22 +236,53 @@ fn frames(
             strip([at(edge, 0.0), inwards(0.0), inwards(1.0), at(edge, 1.0)], outward, 0.005);
         }
     }
-    wipers(builder, &sections[last - 1], &sections[last]);
+    wipers(builder, shape, &sections[last - 1], &sections[last]);
 }
 
-/// Wipers at rest on the windscreen between two sections, seen from both sides.
-fn wipers(builder: &mut PrimitiveBuilder, top: &[Vec3], foot: &[Vec3]) {
-    let at = |column: usize, down: f32| top[column].lerp(foot[column], down);
-    let on = |across: f32, down: f32| {
-        let column = across.floor() as usize;
-        at(column, down).lerp(at(column + 1, down), across - across.floor())
+/// The dark cowl between bonnet and windscreen, and the wipers at rest on it; the windscreen is between two sections.
+fn wipers(builder: &mut PrimitiveBuilder, shape: &CarShape, top: &[Vec3], foot: &[Vec3]) {
+    const COWL_M: f32 = 0.10;
+    let before = |at: &Vec3, up: f32| {
+        let x = at.x + COWL_M;
+        let across = at.y / body::half_at(x);
+        Vec3::new(x, at.y, shape.shoulder_at(x) + shape.crown * (1.0 - across * across) + up)
     };
-    let outward = Vec3::new(1.0, 0.0, 0.6);
-    for [from, to] in [[(6.4, 0.95), (5.3, 0.88)], [(5.3, 0.88), (4.9, 0.84)], [(4.7, 0.95), (3.9, 0.88)]] {
-        let [a, b] = [from, to].map(|(across, down): (f32, f32)| on(across, down));
-        let [c, d] = [from, to].map(|(across, down): (f32, f32)| on(across, down - 0.022));
-        raised(builder, [a, b, d, c], outward, (0.018, WIPER));
-        raised(builder, [a, b, d, c], -outward, (-0.016, WIPER));
+    let back = windscreen_foot(shape);
+    let edge = back.iter().map(|at| before(at, 0.008)).collect();
+    builder.grid(&[edge, back], |_| 170, |_, _| Some(SEAM));
+    let front: Vec<Vec3> = foot.iter().map(|at| before(at, 0.012)).collect();
+    let on = |[near, far]: [&[Vec3]; 2], across: f32, share: f32| {
+        let column = across.floor() as usize;
+        let at = |column: usize| near[column].lerp(far[column], share);
+        at(column).lerp(at(column + 1), across - across.floor())
+    };
+    let slope = (top[5] - foot[5]).cross(Vec3::Y).normalize_or(Vec3::X);
+    let out = if slope.x < 0.0 { -slope } else { slope };
+    // Sections run from right to left: each one from its pivot on the cowl to its tip on the glass.
+    for [pivot, tip] in [[6.45, 4.96], [4.72, 3.5]] {
+        let ends = [on([foot, &front], pivot, 0.6), on([foot, top], tip, 0.03)];
+        wiper_bar(builder, ends, out, 0.010);
+        // The arm, broader, and half as long.
+        wiper_bar(builder, [ends[0], ends[0].lerp(ends[1], 0.5)], out, 0.018);
+    }
+}
+
+/// A bar a little before the glass, which it stands on with its narrow side.
+fn wiper_bar(builder: &mut PrimitiveBuilder, ends: [Vec3; 2], out: Vec3, half_m: f32) {
+    const PROUD_M: [f32; 2] = [0.006, 0.022];
+    let up = out.cross(ends[1] - ends[0]).normalize_or(Vec3::Z) * half_m;
+    let corner = |end: usize, side: f32, layer: usize| ends[end] + up * side + out * PROUD_M[layer];
+    let long = |[(s0, l0), (s1, l1)]: [(f32, usize); 2]| {
+        [corner(0, s0, l0), corner(1, s0, l0), corner(1, s1, l1), corner(0, s1, l1)]
+    };
+    let faces = [
+        ([(1.0, 0), (-1.0, 0)], -out),
+        ([(1.0, 1), (-1.0, 1)], out),
+        ([(1.0, 0), (1.0, 1)], up),
+        ([(-1.0, 0), (-1.0, 1)], -up),
+    ];
+    for (edges, outward) in faces {
+        close::face(builder, long(edges), outward, WIPER, 160);
     }
 }
 

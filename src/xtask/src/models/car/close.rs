@@ -13,6 +13,7 @@ use std::f32::consts::{FRAC_PI_2, TAU};
 /// Reflector of a headlamp, and the housing of a tail lamp.
 const BOWL: StaticMaterial = StaticMaterial::new("bowl", [84, 87, 92]).metal().rough(0.35);
 const HOUSING: StaticMaterial = StaticMaterial::new("housing", [52, 10, 12]).rough(0.4);
+const PIPE: StaticMaterial = StaticMaterial::new("pipe", [84, 86, 88]).rough(0.45);
 /// Inside of the exhaust and of joints.
 const DARK: u8 = 70;
 
@@ -259,8 +260,8 @@ fn exhaust(builder: &mut PrimitiveBuilder, shape: &CarShape) {
                 })
                 .collect()
         };
-        let rear = shape.end_x(-1.0, 0.6, 0.0) - 0.01;
-        builder.grid(&[ring(rear + 0.2, 0.035), ring(rear, 0.035)], |_| 150, |_, _| Some(CHROME));
+        let rear = shape.end_x(-1.0, 0.6, 0.0) + 0.02;
+        builder.grid(&[ring(rear + 0.2, 0.035), ring(rear, 0.035)], |_| 150, |_, _| Some(PIPE));
         let mut mouth = ring(rear + 0.002, 0.033);
         mouth.reverse();
         builder.plate(&mouth[..8], SEAM, DARK);
