@@ -4,6 +4,7 @@
 #   scripts/cluster.sh slurm      Debian's Slurm with one node, installed and started here (root)
 #   scripts/cluster.sh ray        Ray from PyPI, installed into target/ray and started in a network of its own (root)
 #   scripts/cluster.sh parallel   GNU parallel of Debian
+#   scripts/cluster.sh cost       no engine: what starting, running and merging take
 #
 # CITY3D is the program, target/release/city3d by default; ray builds the Python package of the development build.
 # Nothing keeps running: what the script has started it ends.
@@ -43,7 +44,16 @@ until_there() {
 }
 
 # tasks_of OUT: the processes that make shards of this sweep.
-tasks_of() { pgrep -f -- "--out $1 .*--shard" || true; }
+tasks_of() { pgrep -f -- "^$CITY3D .*--out $1.* --shard [0-9]" || true; }
+
+# kill_one OUT: kills a process that makes a shard of this sweep.
+kill_one() {
+    local task waited=0
+    until task=$(tasks_of "$1" | head -1) && [[ -n $task ]] && kill -9 "$task" 2>/dev/null; do
+        sleep 0.05
+        ((waited += 1)) && [[ $waited -lt 1200 ]] || die "no task of $1 was found"
+    done
+}
 
 # ---------------------------------------------------------------- Slurm
 
@@ -53,7 +63,7 @@ start_munge() {
     install -d -o munge -g munge -m 0755 /run/munge
     install -d -o munge -g munge -m 0700 /var/log/munge /var/lib/munge
     runuser -u munge -- /usr/sbin/munged
-    STARTED_MUNGE=$(pgrep -xo munged)
+    STARTED_MUNGE=$(cat /run/munge/munged.pid)
     munge -n </dev/null | unmunge >/dev/null || die "munged does not answer"
 }
 
@@ -119,6 +129,8 @@ stop_slurm() {
     local pid
     for pid in $(cat "$WORK"/slurm/*.pid 2>/dev/null) ${STARTED_MUNGE:-}; do
         kill "$pid" 2>/dev/null || true
+        # They write at their ends into the folder that is removed next.
+        timeout 20 tail --pid="$pid" -f /dev/null || true
     done
     for pid in $(tasks_of "$WORK"); do kill -9 "$pid" 2>/dev/null || true; done
 }
@@ -137,7 +149,7 @@ slurm() {
     "$CITY3D" sweep "${STUDY[@]}" --out "$out" --submit slurm --shards $SHARDS --go --wait >"$WORK/killed.log" 2>&1 &
     local waiting=$!
     until_there 3 "$out/shards"
-    kill -9 "$(tasks_of "$out" | head -1)"
+    kill_one "$out"
     wait $waiting || { cat "$WORK/killed.log"; die "the study failed"; }
     cat "$WORK/killed.log"
     [[ $(grep -c '^job ' "$WORK/killed.log") == 2 ]] || die "nothing was submitted again"
@@ -148,8 +160,8 @@ slurm() {
     out=$WORK/lost start=$SECONDS
     "$CITY3D" sweep "${STUDY[@]}" --out "$out" --submit slurm --shards $SHARDS --go
     until_there 3 "$out/shards"
-    # The steps are children of the daemon, with the program as a child.
-    local node daemon steps
+    local node daemon steps job
+    job=$(cat "$out/sweep.job")
     node=$(hostname -s)
     daemon=$(cat "$WORK/slurm/d.pid")
     steps=$(pgrep -f '^slurmstepd: \[' | tr '\n' ' ')
@@ -162,6 +174,7 @@ slurm() {
     local task
     for task in $(squeue -h -r -t pending -o %A); do scontrol update jobid="$task" starttime=now 2>/dev/null || true; done
     "$CITY3D" sweep "${STUDY[@]}" --out "$out" --submit slurm --go --wait
+    [[ $(cat "$out/sweep.job") == "$job" ]] || die "the tasks were submitted again in place of requeued"
     echo "-- $((SECONDS - start)) s"
     same "$out"
     head -3 "$out/shards.csv" | cut -c1-200
@@ -231,7 +244,7 @@ gnu_parallel() {
     local running=$!
     until_there 3 "$out/shards"
     say "a program is killed"
-    kill -9 "$(pgrep -x city3d -a | grep -- "--out $out " | head -1 | cut -d' ' -f1)"
+    kill_one "$out"
     wait $running && die "parallel did not notice"
     "$CITY3D" sweep "${STUDY[@]}" --out "$out" --merge 2>&1 | tail -3 || true
     say "the same with --resume-failed"
@@ -239,6 +252,66 @@ gnu_parallel() {
     "$CITY3D" sweep "${STUDY[@]}" --out "$out" --merge
     echo "-- $((SECONDS - start)) s"
     same "$out"
+}
+
+# ---------------------------------------------------------------- what a million runs cost
+
+# seconds COMMAND...: the median of five calls, first on the wall, then of the processor.
+seconds() {
+    local TIMEFORMAT='%R %U %S' k
+    for k in 1 2 3 4 5; do
+        { time "$@" >/dev/null 2>&1; } 2>&1
+    done | gawk '{ wall[NR] = $1; cpu[NR] = $2 + $3 } END { asort(wall); asort(cpu); print wall[3], cpu[3] }'
+}
+
+cost() {
+    install_packages gawk python3
+    trap 'rm -rf "$WORK"' EXIT
+    # shard RUNS OF OPTIONS...: the first of OF shards, of so many runs together, on one thread.
+    shard() {
+        local runs=$1 of=$2
+        shift 2
+        "$CITY3D" sweep roundabout --environment testbed --threads 1 --seeds "1..$runs" --out "$WORK/cost" --shard "0/$of" --force "$@"
+    }
+    # told WHAT TIME [LESS RUNS]: milliseconds, of each run where some were made more.
+    told() {
+        gawk -v what="$1" -v time="$2" -v less="${3:-0 0}" -v runs="${4:-1}" 'BEGIN {
+            split(time, a); split(less, b)
+            printf "%-46s %9.1f %9.1f\n", what, 1000 * (a[1] - b[1]) / runs, 1000 * (a[2] - b[2]) / runs }'
+    }
+    local one many long
+    printf '%-46s %9s %9s\n' "milliseconds" wall processor
+    one=$(seconds shard 1 1 --duration 0.01)
+    many=$(seconds shard 201 1 --duration 0.01)
+    long=$(seconds shard 41 1)
+    told "a process with one run of 0.01 s" "$one"
+    told "the same, of a study of a million runs" "$(seconds shard 1000000 1000000 --duration 0.01)"
+    told "each further run of 0.01 s" "$many" "$one" 200
+    told "each further run of 40 s" "$long" "$one" 40
+    gawk -v one="$one" -v long="$long" 'BEGIN { split(one, a); split(long, b)
+        printf "a million runs of 40 s in 1000 processes: %.1f core hours\n", (1e6 * (b[2] - a[2]) / 40 + 1e3 * a[2]) / 3600 }'
+
+    # A million rows in 1000 shards, made of one row.
+    shard 1000000 1000000 --duration 0.01 >/dev/null
+    python3 - "$WORK/cost/shards/0-of-1000000.csv" "$WORK/million/shards" <<'P'
+import hashlib, os, sys
+lines = open(sys.argv[1]).read().splitlines()
+head = [line for line in lines if line.startswith("# ")]
+columns, row = lines[len(head):]
+rest = row.split(",", 1)[1]
+os.makedirs(sys.argv[2])
+for k in range(1000):
+    rows = "".join(f"{line}\n" for line in [columns, *(f"{k * 1000 + seed},{rest}" for seed in range(1, 1001))])
+    own = {"shard": f'"{k}/1000"', "first_run": k * 1000, "rows": 1000, "rows_sha256": f'"{hashlib.sha256(rows.encode()).hexdigest()}"'}
+    kept = [f"# {key} = {own.get(key, value)}\n" for key, value in (line[2:].split(" = ", 1) for line in head)]
+    open(f"{sys.argv[2]}/{k}-of-1000.csv", "w").write("".join(kept) + rows)
+P
+    merge() {
+        rm -f "$WORK"/million/sweep.*
+        "$CITY3D" sweep roundabout --environment testbed --duration 0.01 --seeds 1..1000000 --out "$WORK/million" --merge --parquet
+    }
+    told "merging the rows of a million runs" "$(seconds merge)"
+    (cd "$WORK/million" && du -ch shards | tail -1 && ls -lh sweep.csv sweep.toml sweep.parquet | awk '{ print $9, $5 }')
 }
 
 command=${1:-}
@@ -251,6 +324,7 @@ case "$command" in
     ray) ray_cluster ;;
     ray-inside) ray_inside ;;
     parallel) gnu_parallel ;;
-    *) rm -rf "$WORK"; die "usage: scripts/cluster.sh slurm|ray|parallel" ;;
+    cost) cost ;;
+    *) rm -rf "$WORK"; die "usage: scripts/cluster.sh slurm|ray|parallel|cost" ;;
 esac
 say "passed"

@@ -158,7 +158,7 @@ fn a_scenario_map_that_changes_makes_another_study() {
     let folder = folder.path();
     let map = city3d_simulation::scenario::Library::default().map("ids3c").unwrap();
     let text = city3d_simulation::scenario::Library::scenario("straight").unwrap().0;
-    std::fs::write(folder.join("own.toml"), format!("map = \"own.dxf\"\n{text}")).unwrap();
+    std::fs::write(folder.join("own.toml"), text.replace("map = \"ids3c\"", "map = \"own.dxf\"")).unwrap();
     std::fs::write(folder.join("own.dxf"), &map).unwrap();
     let sweep = |more: &[&str]| {
         let study = ["sweep", "own.toml", "--duration", "1", "--seeds", "1..2", "--out", "cut"];

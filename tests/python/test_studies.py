@@ -1,7 +1,9 @@
 """Shards from Python, as workers of a cluster run them, without a cluster."""
 
+import csv
 import json
 
+import pyarrow.parquet
 import pytest
 
 from city3d import studies
@@ -22,6 +24,23 @@ def test_shards_of_workers_are_the_table_of_one_machine(tmp_path):
         studies._write(tmp_path / "shards" / f"{index}-of-3.csv", studies._shard(WORDS, index, 3))
     studies._program("sweep", *WORDS, "--out", str(tmp_path), "--merge")
     assert (tmp_path / "sweep.csv").read_bytes() == (tmp_path / "one" / "sweep.csv").read_bytes()
+
+
+def test_arrow_reads_what_the_table_has(tmp_path):
+    axes = ["--set", "environment.loss=0,0.1", "--set", "collisions_forbidden=true,false", "--set", "rates.control_hz=25,50"]
+    studies._program("sweep", "straight", "--duration", "1", *axes, "--seeds", "1..9", "--out", str(tmp_path), "--parquet")
+    table = pyarrow.parquet.read_table(tmp_path / "sweep.parquet")
+    kinds = {"environment.loss": "double", "collisions_forbidden": "bool", "rates.control_hz": "int64", "seed": "int64"}
+    kinds |= {"stops": "int64", "mean_speed_mps": "double", "plans": "int64", "state_hash": "string"}
+    assert {name: str(table.schema.field(name).type) for name in kinds} == kinds
+    with open(tmp_path / "sweep.csv", newline="") as file:
+        expected = list(csv.DictReader(file))
+    assert len(expected) == 72 and table.column_names == list(expected[0])
+    read = {"bool": lambda cell: cell == "true", "int64": int, "double": float, "string": str}
+    for row, cells in zip(table.to_pylist(), expected, strict=True):
+        for name, cell in cells.items():
+            assert row[name] == (read[str(table.schema.field(name).type)](cell) if cell else None), name
+    assert table.schema.metadata[b"city3d.version"].decode() and any(cells["plans"] == "" for cells in expected)
 
 
 def test_a_log_is_stored_with_its_summary(tmp_path):

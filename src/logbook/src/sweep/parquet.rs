@@ -38,7 +38,7 @@ const COUNTS: [&str; 15] = [
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Kind {
     Bool = 0,
-    Integer = 1 + 1,
+    Integer = 2,
     Number = 5,
     Word = 6,
 }
@@ -117,7 +117,7 @@ fn write_column(file: &mut Counted, rows: &[SweepRow], index: usize, kind: Kind)
     if kind == Kind::Bool {
         let bits: Vec<bool> = values.map(|cell| cell == "true").collect();
         plain.extend(
-            bits.chunks(8).map(|byte| byte.iter().rev().fold(0, |byte, &bit| byte << 1 | u8::from(bit))),
+            bits.chunks(8).map(|byte| byte.iter().rev().fold(0, |byte, &bit| (byte << 1) | u8::from(bit))),
         );
     } else {
         for cell in values {
@@ -253,7 +253,7 @@ struct Thrift {
 impl Thrift {
     fn field(&mut self, id: u8, kind: u8) {
         // No two ids that follow one another are more than 15 apart.
-        self.bytes.push((id - self.last_id) << 4 | kind);
+        self.bytes.push(((id - self.last_id) << 4) | kind);
         self.last_id = id;
     }
 
@@ -280,7 +280,7 @@ impl Thrift {
     fn list(&mut self, id: u8, kind: u8, length: usize, fill: impl FnOnce(&mut Self)) {
         self.field(id, LIST);
         match length {
-            0..=14 => self.bytes.push((length as u8) << 4 | kind),
+            0..=14 => self.bytes.push(((length as u8) << 4) | kind),
             _ => {
                 self.bytes.push(0xf0 | kind);
                 varint(&mut self.bytes, length as u64);
@@ -298,7 +298,7 @@ impl Thrift {
 
     /// A number in zigzag coding.
     fn number(&mut self, value: i64) {
-        varint(&mut self.bytes, (value << 1 ^ value >> 63) as u64);
+        varint(&mut self.bytes, ((value << 1) ^ (value >> 63)) as u64);
     }
 
     fn text(&mut self, text: &str) {

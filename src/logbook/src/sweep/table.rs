@@ -228,7 +228,8 @@ impl SweepTable {
             self.rows.push(row);
         }
         self.flush()?;
-        self.complete()
+        // Without a file it is whole already.
+        if self.file.is_some() { self.complete() } else { Ok(()) }
     }
 
     fn write(&mut self, row: &SweepRow) -> Result<(), SweepTableError> {
