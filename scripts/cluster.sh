@@ -160,13 +160,15 @@ slurm() {
     out=$WORK/lost start=$SECONDS
     "$CITY3D" sweep "${STUDY[@]}" --out "$out" --submit slurm --shards $SHARDS --go
     until_there 3 "$out/shards"
-    local node daemon steps job
+    local node job tasks
     job=$(cat "$out/sweep.job")
     node=$(hostname -s)
-    daemon=$(cat "$WORK/slurm/d.pid")
-    steps=$(pgrep -f '^slurmstepd: \[' | tr '\n' ' ')
-    # shellcheck disable=SC2086
-    kill -9 "$daemon" $steps $(tasks_of "$out")
+    until [[ -n $(tasks_of "$out") ]]; do sleep 0.05; done
+    kill -9 "$(cat "$WORK/slurm/d.pid")"
+    # Each task is the child of a slurmstepd. One may have ended in the meantime, and left its child to the first process.
+    tasks=$(tasks_of "$out")
+    # shellcheck disable=SC2046,SC2086
+    kill -9 $(ps -o ppid= -p "${tasks//$'\n'/,}" | grep -vx ' *1') $tasks || true
     scontrol update nodename="$node" state=down reason=lost
     slurmd -f "$SLURM_CONF"
     scontrol update nodename="$node" state=resume 2>/dev/null || true

@@ -113,7 +113,40 @@ fn steps(from: &str, to: &str, step: &str) -> Result<Vec<Value>, GridError> {
 
 /// Seeds in their order. They are parsed from a range `1..20` with both ends, or a list `1,4,9`.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Seeds(pub Vec<u64>);
+pub struct Seeds(SeedList);
+
+#[derive(Clone, Debug, PartialEq, Eq)]
+enum SeedList {
+    /// Seeds that follow one another: a million of them take no memory.
+    Range { first: u64, count: usize },
+    /// Others.
+    Single(Vec<u64>),
+}
+
+impl Seeds {
+    fn of(seeds: Vec<u64>) -> Self {
+        let follow = seeds.windows(2).all(|pair| pair[0].checked_add(1) == Some(pair[1]));
+        match seeds.first() {
+            Some(&first) if follow => Self(SeedList::Range { first, count: seeds.len() }),
+            _ => Self(SeedList::Single(seeds)),
+        }
+    }
+
+    fn count(&self) -> usize {
+        match &self.0 {
+            SeedList::Range { count, .. } => *count,
+            SeedList::Single(seeds) => seeds.len(),
+        }
+    }
+
+    /// The seed of this index, less than their number.
+    fn get(&self, index: usize) -> u64 {
+        match &self.0 {
+            SeedList::Range { first, .. } => first + index as u64,
+            SeedList::Single(seeds) => seeds[index],
+        }
+    }
+}
 
 impl FromStr for Seeds {
     type Err = GridError;
@@ -126,24 +159,25 @@ impl FromStr for Seeds {
         if let Some((first, last)) = text.split_once("..") {
             let (first, last) = (number(first)?, number(last)?);
             return match last.checked_sub(first) {
-                Some(more) if more < MAX_RUNS as u64 => Ok(Self((first..=last).collect())),
+                Some(more) if more < MAX_RUNS as u64 => {
+                    Ok(Self(SeedList::Range { first, count: more as usize + 1 }))
+                }
                 Some(_) => Err(GridError::TooManySeeds),
                 None => Err(GridError::SeedOrder),
             };
         }
-        text.split(',').map(number).collect::<Result<_, _>>().map(Self)
+        text.split(',').map(number).collect::<Result<_, _>>().map(Self::of)
     }
 }
 
 impl fmt::Display for Seeds {
     /// As they are parsed: `1..20` where each is one more than the last, else `1,4,9`.
     fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self.0[..] {
-            [first, .., last] if self.0.windows(2).all(|pair| pair[0].checked_add(1) == Some(pair[1])) => {
-                write!(out, "{first}..{last}")
-            }
-            _ => {
-                let words: Vec<String> = self.0.iter().map(ToString::to_string).collect();
+        match &self.0 {
+            SeedList::Range { first, count: 1 } => write!(out, "{first}"),
+            SeedList::Range { first, count } => write!(out, "{first}..{}", first + (*count as u64 - 1)),
+            SeedList::Single(seeds) => {
+                let words: Vec<String> = seeds.iter().map(ToString::to_string).collect();
                 out.write_str(&words.join(","))
             }
         }
@@ -176,7 +210,7 @@ impl Grid {
     /// # Errors
     /// [`GridError::TooManyRuns`].
     pub fn new(axes: Vec<Axis>, seeds: Option<Seeds>) -> Result<Self, GridError> {
-        let seeds_of_each = seeds.as_ref().map_or(1, |seeds| seeds.0.len());
+        let seeds_of_each = seeds.as_ref().map_or(1, Seeds::count);
         let runs = axes.iter().try_fold(seeds_of_each, |count, axis| count.checked_mul(axis.values.len()));
         let runs = runs.filter(|&runs| runs <= MAX_RUNS).ok_or(GridError::TooManyRuns)?;
         Ok(Self { axes, seeds, runs })
@@ -189,9 +223,9 @@ impl Grid {
 
     /// The run of this index, less than [`runs`](Self::runs).
     pub fn job(&self, index: usize) -> Job {
-        let seeds = self.seeds.as_ref().map_or(&[][..], |seeds| &seeds.0);
-        let seed = seeds.get(index % seeds.len().max(1)).copied();
-        let mut rest = index / seeds.len().max(1);
+        let each = self.seeds.as_ref().map_or(1, Seeds::count);
+        let seed = self.seeds.as_ref().map(|seeds| seeds.get(index % each));
+        let mut rest = index / each;
         let mut settings: Vec<ScenarioChange> = Vec::with_capacity(self.axes.len());
         for axis in self.axes.iter().rev() {
             let value = axis.values[rest % axis.values.len()].clone();
@@ -283,8 +317,11 @@ mod tests {
 
     #[test]
     fn seeds_are_ranges_or_lists() {
-        assert_eq!("3..5".parse(), Ok(Seeds(vec![3, 4, 5])));
-        assert_eq!("7, 2".parse(), Ok(Seeds(vec![7, 2])));
+        let all = |text: &str| {
+            let seeds: Seeds = text.parse().unwrap();
+            (0..seeds.count()).map(|k| seeds.get(k)).collect::<Vec<_>>()
+        };
+        assert_eq!((all("3..5"), all("3,4,5"), all("7, 2")), (vec![3, 4, 5], vec![3, 4, 5], vec![7, 2]));
         for (text, again) in [("3..5", "3..5"), ("3,4,5", "3..5"), ("7, 2", "7,2"), ("5", "5"), ("2..2", "2")]
         {
             assert_eq!(text.parse::<Seeds>().unwrap().to_string(), again);
@@ -315,7 +352,7 @@ mod tests {
     #[test]
     fn runs_are_all_combinations_in_a_stated_order() {
         let axes = [axis("a=1,2"), axis("b=3,4")];
-        let grid = Grid::new(axes.to_vec(), Some(Seeds(vec![8, 9]))).unwrap();
+        let grid = Grid::new(axes.to_vec(), Some("8,9".parse().unwrap())).unwrap();
         let told: Vec<String> = grid
             .jobs()
             .map(|job| format!("{}{}{}", job.settings[0].value, job.settings[1].value, job.seed.unwrap()))
@@ -323,7 +360,7 @@ mod tests {
         assert_eq!(told, ["138", "139", "148", "149", "238", "239", "248", "249"]);
         let single = Grid::new(Vec::new(), None).unwrap();
         assert_eq!((single.runs(), single.job(0)), (1, Job { settings: Vec::new(), seed: None }));
-        let thousand = || Seeds((0..1000).collect());
+        let thousand = || "0..999".parse().unwrap();
         assert_eq!(Grid::new(vec![axis("a=0:1000:1")], Some(thousand())), Err(GridError::TooManyRuns));
         assert_eq!(Grid::new(vec![axis("a=1:1000:1")], Some(thousand())).unwrap().runs(), MAX_RUNS);
     }

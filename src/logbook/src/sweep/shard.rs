@@ -335,6 +335,6 @@ mod tests {
         assert_eq!((found.count, found.missing(2), found.damaged.len()), (Some(2), vec![0], 1));
         let other = SweepIdentity { scenario: "cc".to_owned(), ..identity.clone() };
         let error = ShardFolder { identity: &other, ..study }.find().unwrap_err().to_string();
-        assert!(error.contains("1-of-2.csv is of another scenario"), "{error}");
+        assert!(error.contains("0-of-2.csv is of another scenario"), "{error}");
     }
 }
