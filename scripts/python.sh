@@ -1,10 +1,26 @@
 #!/usr/bin/env bash
 # The Python package. Usage: scripts/python.sh            tests it as the development build makes it
+#                            scripts/python.sh package    makes it so in target/python-package
 #                            scripts/python.sh wheel      builds the wheel into target/wheels, and tests it in a fresh environment
 set -euo pipefail
 cd "$(dirname "$0")/.."
 source scripts/setup.sh
 find_rust
+
+# The package of the development build, in target/python-package.
+make_package() {
+    cargo build --locked --workspace --lib
+    package=$PWD/target/python-package
+    rm -rf "$package"
+    mkdir -p "$package"
+    cp -r src/python/city3d "$package/"
+    cp "${CARGO_TARGET_DIR:-target}/debug/libcity3d_python.so" "$package/city3d/_native.abi3.so"
+}
+
+if [[ "${1:-}" == package ]]; then
+    make_package
+    exit
+fi
 
 VENV=target/python
 make_venv "$VENV" tests/python/requirements.txt
@@ -12,12 +28,7 @@ PYTHON=$PWD/$VENV/bin/python
 
 case "${1:-}" in
     "")
-        cargo build --locked --workspace --lib
-        package=$PWD/target/python-package
-        rm -rf "$package"
-        mkdir -p "$package"
-        cp -r src/python/city3d "$package/"
-        cp "${CARGO_TARGET_DIR:-target}/debug/libcity3d_python.so" "$package/city3d/_native.abi3.so"
+        make_package
         PATH=$PWD/$VENV/bin:$PATH CITY3D_PACKAGE=$package "$PYTHON" -m pytest -q tests/python
         ;;
     wheel)
@@ -31,5 +42,5 @@ case "${1:-}" in
         "$fresh/bin/city3d" --version
         PATH=$fresh/bin:$PATH "$fresh/bin/python" -m pytest -q tests/python
         ;;
-    *) die "usage: scripts/python.sh [wheel]" ;;
+    *) die "usage: scripts/python.sh [package | wheel]" ;;
 esac

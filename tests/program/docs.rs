@@ -59,6 +59,9 @@ fn commands(name: &str) -> Vec<Vec<String>> {
     commands
 }
 
+/// Options with which a command writes into a folder that is there.
+const GOES_ON: [&str; 4] = ["--force", "--shard", "--merge", "--submit"];
+
 /// Follows commands in their order: folders that they read have to be there, those that they write must not.
 fn follow(name: &str, made: &mut BTreeSet<String>) -> Vec<String> {
     let mut faults = Vec::new();
@@ -75,7 +78,7 @@ fn follow(name: &str, made: &mut BTreeSet<String>) -> Vec<String> {
         let out = words.iter().position(|word| word == "--out").map(|index| words[index + 1].clone());
         if let Some(out) = out.filter(|out| out.starts_with("out/"))
             && !made.insert(out.clone())
-            && !words.contains(&"--force".to_owned())
+            && !words.iter().any(|word| GOES_ON.contains(&word.as_str()))
         {
             faults.push(format!("{name}: {out} is there already, and --force is missing: {line}"));
         }

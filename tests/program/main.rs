@@ -22,6 +22,7 @@ mod playback;
 mod recorded;
 mod replay;
 mod scenarios;
+mod shards;
 #[path = "../support/mod.rs"]
 mod support;
 mod sweep;

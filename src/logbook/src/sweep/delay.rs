@@ -3,7 +3,7 @@
 
 use super::interval::MeanInterval;
 use super::map::SweepResults;
-use super::table::column;
+use super::table::{SweepRow, column};
 use crate::figures::{TidyTable, number};
 use city3d_simulation::sweep::Axis;
 use std::collections::BTreeSet;
@@ -92,7 +92,7 @@ impl DelayCurves {
             points: Vec::new(),
         };
         for cell in sweep.rows.chunks(per_cell) {
-            let (curve, value) = (sweep.curve(&cell[0], index), cell[0][index].clone());
+            let (curve, value) = (sweep.curve(&cell[0], index), cell[0][index].to_owned());
             curves.tabulate(sweep, cell, &curve, &value);
             let Some(delay_s) = sweep.interval(cell, "mean_delay_s") else { continue };
             let collisions = sweep.interval(cell, "collisions");
@@ -108,7 +108,7 @@ impl DelayCurves {
     }
 
     /// Adds rows with the means of a cell.
-    fn tabulate(&mut self, sweep: &SweepResults<'_>, cell: &[Vec<String>], curve: &str, value: &str) {
+    fn tabulate(&mut self, sweep: &SweepResults<'_>, cell: &[SweepRow], curve: &str, value: &str) {
         for quantity in QUANTITIES {
             let Some(found) = sweep.interval(cell, quantity) else { continue };
             self.table.rows.push(vec![
@@ -187,7 +187,7 @@ impl DelayAxis {
 }
 
 impl SweepResults<'_> {
-    fn interval(&self, cell: &[Vec<String>], quantity: &str) -> Option<MeanInterval> {
+    fn interval(&self, cell: &[SweepRow], quantity: &str) -> Option<MeanInterval> {
         let index = column(self.axes.len(), quantity)?;
         let values: Vec<f64> = cell.iter().filter_map(|row| row[index].parse().ok()).collect();
         MeanInterval::of(&values)
@@ -195,7 +195,7 @@ impl SweepResults<'_> {
 
     /// Name of a row's curve: its values of the other axes that have several, else of those whose value is a word, such as an
     /// algorithm, else the scenario.
-    fn curve(&self, row: &[String], abscissa: usize) -> String {
+    fn curve(&self, row: &SweepRow, abscissa: usize) -> String {
         let others = || self.axes.iter().zip(row).enumerate().filter(|(index, _)| *index != abscissa);
         let words = |is_named: &dyn Fn(&Axis) -> bool| {
             let named = others().filter(|(_, (axis, _))| is_named(axis));
@@ -253,7 +253,7 @@ mod tests {
     use super::*;
 
     /// Rows of two algorithms at two demands with two seeds each: flow and delay.
-    fn rows(axes: &[Axis]) -> Vec<Vec<String>> {
+    fn rows(axes: &[Axis]) -> Vec<SweepRow> {
         let width = axes.len() + 1 + COLUMNS.len();
         let mut rows = Vec::new();
         for (algorithm, steep) in [("yield", 4.0), ("insert", 1.0)] {
@@ -266,7 +266,7 @@ mod tests {
                     };
                     set("throughput_per_h", rate + 10.0 * seed);
                     set("mean_delay_s", steep * rate / 600.0 + seed);
-                    rows.push(row);
+                    rows.push(row.into());
                 }
             }
         }
@@ -306,7 +306,7 @@ mod tests {
         let alike: Vec<Axis> = ["coordination.algorithm=replan", "inflow.*.share_cav=600,1200"]
             .map(|axis| axis.parse().unwrap())
             .into();
-        let few: Vec<Vec<String>> = rows[..4].to_vec();
+        let few: Vec<SweepRow> = rows[..4].to_vec();
         let curves = DelayCurves::of(&SweepResults { axes: &alike, rows: &few, ..results }).unwrap();
         assert_eq!(curves.names(), ["algorithm yield"]);
         // No number, no runs.
@@ -324,13 +324,13 @@ mod tests {
             .map(|axis| axis.parse().unwrap())
             .into();
         let rows = rows(&axes);
-        let of = |document: &toml::Table, axes: &[Axis], rows: &[Vec<String>]| {
+        let of = |document: &toml::Table, axes: &[Axis], rows: &[SweepRow]| {
             DelayCurves::of(&SweepResults { axes, rows, document, is_testbed: false }).unwrap()
         };
         let plans = || ("plans".to_owned(), of(&named("intersection"), &axes, &rows));
         // Without an axis but the demand the curve is called by its scenario.
         let only: Vec<Axis> = vec![axes[1].clone()];
-        let bare: Vec<Vec<String>> = rows[..4].iter().map(|row| row[1..].to_vec()).collect();
+        let bare: Vec<SweepRow> = rows[..4].iter().map(|row| row.iter().skip(1).collect()).collect();
         let signals = ("signals".to_owned(), of(&named("intersection-signals"), &only, &bare));
         let both = DelayCurves::joined(vec![plans(), signals]).unwrap().unwrap();
         assert_eq!(both.names(), ["algorithm yield", "algorithm insert", "intersection-signals"]);
@@ -354,8 +354,8 @@ mod tests {
         let share = |values: &str| format!("inflow.*.share_cav={values}").parse().unwrap();
         // A point on the vertical axis would hide behind it.
         let with_none: Vec<Axis> = vec![axes[0].clone(), share("0,1200")];
-        let renamed = |cell: &String| if cell == "600" { "0".to_owned() } else { cell.clone() };
-        let from_none: Vec<Vec<String>> = rows.iter().map(|row| row.iter().map(renamed).collect()).collect();
+        let renamed = |cell| if cell == "600" { "0" } else { cell };
+        let from_none: Vec<SweepRow> = rows.iter().map(|row| row.iter().map(renamed).collect()).collect();
         let figure = of(&named("intersection"), &with_none, &from_none).figure();
         assert!(figure.panels[0].x.0 < 0.0 && both.figure().panels[0].x.0 == 0.0);
 

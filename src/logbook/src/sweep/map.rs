@@ -3,7 +3,7 @@
 
 use super::delay::DelayCurves;
 use super::delay_figure::{DELAY, DELAY_FLOW};
-use super::table::column;
+use super::table::{SweepRow, column};
 use crate::figures::chart::{ColourBar, Figure, HeatMapCell, Panel};
 use crate::figures::{TidyTable, number};
 use city3d_simulation::scenario::counted;
@@ -18,7 +18,7 @@ pub struct SweepResults<'s> {
     /// The parameters that were varied.
     pub axes: &'s [Axis],
     /// Rows of [`row`](super::row), in the order of the axes, seeds last.
-    pub rows: &'s [Vec<String>],
+    pub rows: &'s [SweepRow],
     /// The scenario before its parameters are set.
     pub document: &'s toml::Table,
     /// Whether the runs had the environment of a laboratory, which the notes of the maps tell.
@@ -94,7 +94,7 @@ impl SweepResults<'_> {
         self.document.get("name").and_then(toml::Value::as_str).unwrap_or_default()
     }
 
-    fn figure(&self, words: MapText, entry: impl Fn(&[Vec<String>]) -> MapCell) -> Option<Figure> {
+    fn figure(&self, words: MapText, entry: impl Fn(&[SweepRow]) -> MapCell) -> Option<Figure> {
         let (x, y) = match self.axes {
             [x] => (x, None),
             [x, y] => (x, Some(y)),
@@ -143,11 +143,11 @@ impl SweepResults<'_> {
 }
 
 /// Rows of a cell whose column is not zero.
-fn count_of(cell: &[Vec<String>], column: usize) -> usize {
-    cell.iter().filter(|row| row[column] != "0").count()
+fn count_of(cell: &[SweepRow], column: usize) -> usize {
+    cell.iter().filter(|row| &row[column] != "0").count()
 }
 
-fn share_of(cell: &[Vec<String>], column: usize) -> f64 {
+fn share_of(cell: &[SweepRow], column: usize) -> f64 {
     count_of(cell, column) as f64 / cell.len() as f64
 }
 

@@ -1,7 +1,7 @@
 //! A sweep that is over, read back from its folder.
 
 use super::map::SweepResults;
-use super::table::{SweepTable, columns_of};
+use super::table::{SweepRow, SweepTable, columns_of};
 use city3d_simulation::sweep::Axis;
 use std::collections::BTreeSet;
 use std::io;
@@ -14,7 +14,7 @@ pub struct RecordedSweep {
     /// Name of its folder.
     pub label: String,
     axes: Vec<Axis>,
-    rows: Vec<Vec<String>>,
+    rows: Vec<SweepRow>,
     document: toml::Table,
 }
 
@@ -90,20 +90,20 @@ impl RecordedSweep {
 }
 
 /// Axes and rows of a table.
-fn parse(text: &str) -> Result<(Vec<Axis>, Vec<Vec<String>>), String> {
+fn parse(text: &str) -> Result<(Vec<Axis>, Vec<SweepRow>), String> {
     let mut reader = csv::Reader::from_reader(text.as_bytes());
     let header: Vec<String> =
         reader.headers().map_err(|error| error.to_string())?.iter().map(str::to_owned).collect();
     let keys = header.iter().position(|column| column == "seed");
     let keys = keys.map(|count| &header[..count]).filter(|keys| columns_of(keys) == header);
     let keys = keys.ok_or("its columns are not those of a sweep of this version")?;
-    let rows: Result<Vec<Vec<String>>, _> =
-        reader.records().map(|record| Ok(record?.iter().map(str::to_owned).collect())).collect();
-    let rows = rows.map_err(|error: csv::Error| error.to_string())?;
+    let rows: Vec<SweepRow> =
+        reader.records().collect::<Result<_, _>>().map_err(|error| error.to_string())?;
     let axes: Vec<Axis> =
         keys.iter().enumerate().map(|(k, key)| Axis::of_words(key, words_of(&rows, k))).collect();
     let cells = axes.iter().map(|axis| axis.values.len()).product::<usize>();
-    let combinations: BTreeSet<&[String]> = rows.iter().map(|row| &row[..keys.len()]).collect();
+    let combinations: BTreeSet<Vec<&str>> =
+        rows.iter().map(|row| row.iter().take(keys.len()).collect()).collect();
     if rows.is_empty() || combinations.len() != cells || rows.len() % cells != 0 {
         return Err(format!("it has {} rows, which is no whole grid", rows.len()));
     }
@@ -111,10 +111,10 @@ fn parse(text: &str) -> Result<(Vec<Axis>, Vec<Vec<String>>), String> {
 }
 
 /// The values of a column, each once, in the order in which they come.
-fn words_of(rows: &[Vec<String>], column: usize) -> Vec<&str> {
+fn words_of(rows: &[SweepRow], column: usize) -> Vec<&str> {
     let mut words: Vec<&str> = Vec::new();
     for row in rows {
-        if !words.contains(&row[column].as_str()) {
+        if !words.contains(&&row[column]) {
             words.push(&row[column]);
         }
     }

@@ -4,7 +4,7 @@ use crate::figures::number;
 use city3d_outputs::WholeFile;
 use city3d_simulation::runner::{CoordinationReport, RunMetrics, TrafficMetrics};
 use city3d_simulation::scenario::Overrides;
-use city3d_simulation::sweep::{Axis, Job};
+use city3d_simulation::sweep::{Grid, Job};
 use std::fs::{File, OpenOptions};
 use std::io::{self, BufWriter, ErrorKind, Write};
 use std::path::{Path, PathBuf};
@@ -52,6 +52,9 @@ pub(super) const COLUMNS: [&str; 38] = [
     "state_hash",
 ];
 
+/// The values of a run, in the order of the columns of the table.
+pub use csv::StringRecord as SweepRow;
+
 /// Identity of a sweep: the columns of its table, and all inputs of its rows.
 #[derive(Clone, Debug)]
 pub struct SweepHeader {
@@ -63,23 +66,22 @@ pub struct SweepHeader {
 }
 
 impl SweepHeader {
-    /// The identity of the runs of `jobs` over `axes`: `scenario` is the text of the scenario, `overrides` what is set
-    /// otherwise in all of them.
-    pub fn new(overrides: &Overrides, scenario: &str, axes: &[Axis], jobs: &[Job]) -> Self {
-        let keys: Vec<String> = axes.iter().map(|axis| axis.key.clone()).collect();
-        let columns = columns_of(&keys);
+    /// The identity of the runs of a grid: `scenario` is the text of the scenario, `overrides` what is set otherwise in all
+    /// of them.
+    pub fn new(overrides: &Overrides, scenario: &str, grid: &Grid) -> Self {
+        let columns = columns_of_grid(grid);
         let Overrides { seed, duration_s, model, environment, .. } = overrides;
         let version = env!("CARGO_PKG_VERSION");
         let mut text = format!(
             "# A sweep of City3D {version}: what the rows of sweep.csv depend on.\n# seed {seed:?}, duration \
              {duration_s:?}, model {model:?}, environment {environment:?}\n"
         );
-        for job in jobs {
+        for job in grid.jobs() {
             let settings: Vec<String> = job.settings.iter().map(ToString::to_string).collect();
             text.push_str(&format!("# {} seed {:?}\n", settings.join(" "), job.seed));
         }
         text.push_str(scenario);
-        Self { columns, text, runs: jobs.len() }
+        Self { columns, text, runs: grid.runs() }
     }
 }
 
@@ -125,7 +127,7 @@ pub struct SweepTable {
     unfinished: PathBuf,
     /// `None` once the table is whole.
     file: Option<BufWriter<File>>,
-    rows: Vec<Vec<String>>,
+    rows: Vec<SweepRow>,
     /// Number of rows of the whole table.
     runs: usize,
 }
@@ -174,7 +176,10 @@ impl SweepTable {
         let file = OpenOptions::new().create(true).append(true).open(path).map_err(failed(path))?;
         file.set_len(whole).map_err(failed(path))?;
         self.file = Some(BufWriter::new(file));
-        if whole == 0 { self.write(columns) } else { Ok(()) }
+        if whole == 0 {
+            self.write(&columns.iter().collect())?;
+        }
+        self.flush()
     }
 
     /// Gives the table its name once it has all rows.
@@ -209,25 +214,45 @@ impl SweepTable {
     ///
     /// # Errors
     /// When the row cannot be written.
-    pub fn add(&mut self, row: &[String]) -> Result<(), SweepTableError> {
-        self.write(row)?;
-        self.rows.push(row.to_vec());
-        self.complete()
+    pub fn add(&mut self, row: SweepRow) -> Result<(), SweepTableError> {
+        self.add_all([row])
     }
 
-    fn write(&mut self, row: &[String]) -> Result<(), SweepTableError> {
-        let unencoded = |source| SweepTableError::Row { path: self.path.clone(), source };
-        let mut line = csv::Writer::from_writer(Vec::new());
-        line.write_record(row).map_err(unencoded)?;
-        let line = line.into_inner().map_err(|error| unencoded(error.into_error().into()))?;
+    /// Appends rows and flushes the file once; the last row of the sweep completes it.
+    ///
+    /// # Errors
+    /// When they cannot be written.
+    pub fn add_all(&mut self, rows: impl IntoIterator<Item = SweepRow>) -> Result<(), SweepTableError> {
+        for row in rows {
+            self.write(&row)?;
+            self.rows.push(row);
+        }
+        self.flush()?;
+        // Without a file it is whole already.
+        if self.file.is_some() { self.complete() } else { Ok(()) }
+    }
+
+    fn write(&mut self, row: &SweepRow) -> Result<(), SweepTableError> {
+        let line = line_of(row).map_err(|source| SweepTableError::Row { path: self.path.clone(), source })?;
         let Some(file) = &mut self.file else { return Ok(()) };
-        file.write_all(&line).and_then(|()| file.flush()).map_err(failed(&self.unfinished))
+        file.write_all(&line).map_err(failed(&self.unfinished))
+    }
+
+    fn flush(&mut self) -> Result<(), SweepTableError> {
+        self.file.as_mut().map_or(Ok(()), |file| file.flush()).map_err(failed(&self.unfinished))
     }
 
     /// All rows, in the order of the jobs.
-    pub fn into_rows(self) -> Vec<Vec<String>> {
+    pub fn into_rows(self) -> Vec<SweepRow> {
         self.rows
     }
+}
+
+/// A row as a line of the table.
+pub(super) fn line_of(row: &SweepRow) -> Result<Vec<u8>, csv::Error> {
+    let mut line = csv::Writer::from_writer(Vec::new());
+    line.write_record(row)?;
+    line.into_inner().map_err(|error| error.into_error().into())
 }
 
 /// The error of a file.
@@ -237,7 +262,7 @@ fn failed(path: &Path) -> impl FnOnce(io::Error) -> SweepTableError + use<> {
 }
 
 /// Parses the rows of a table; `None` when it belongs to another sweep.
-fn rows_of(text: &str, columns: &[String], most: usize) -> Option<Vec<Vec<String>>> {
+pub(super) fn rows_of(text: &str, columns: &[String], most: usize) -> Option<Vec<SweepRow>> {
     if text.is_empty() {
         return Some(Vec::new());
     }
@@ -245,13 +270,12 @@ fn rows_of(text: &str, columns: &[String], most: usize) -> Option<Vec<Vec<String
     if reader.headers().ok()?.iter().ne(columns.iter().map(String::as_str)) {
         return None;
     }
-    let rows: Option<Vec<Vec<String>>> =
-        reader.records().map(|record| Some(record.ok()?.iter().map(str::to_owned).collect())).collect();
+    let rows: Option<Vec<SweepRow>> = reader.records().map(Result::ok).collect();
     rows.filter(|rows| rows.len() <= most)
 }
 
 /// The row of a run with its seed, in the order of the columns.
-pub fn row(job: &Job, seed: u64, outcome: &RunMetrics) -> Vec<String> {
+pub fn row(job: &Job, seed: u64, outcome: &RunMetrics) -> SweepRow {
     let settings = job.settings.iter().map(|change| match &change.value {
         toml::Value::String(word) => word.clone(),
         other => other.to_string(),
@@ -318,6 +342,12 @@ fn traffic(of: &TrafficMetrics) -> [String; 18] {
         some(safety.min_gap_m, 5),
         some(safety.min_pet_s, 3),
     ]
+}
+
+/// The columns of the table of a grid.
+pub(super) fn columns_of_grid(grid: &Grid) -> Vec<String> {
+    let keys: Vec<String> = grid.axes.iter().map(|axis| axis.key.clone()).collect();
+    columns_of(&keys)
 }
 
 /// The columns of a table over axes with these keys.

@@ -192,6 +192,10 @@ fn nearest_lane(lanes: &[Lane<Lab>], point: DVec2) -> Option<usize> {
     const SAME_M: f64 = 1e-6;
     let mut best: Option<(f64, usize)> = None;
     for (k, lane) in lanes.iter().enumerate() {
+        // No point of a lane is farther from its start than it is long.
+        if lane.curve.start().position.distance(point) - lane.curve.length() > REACH_M + SAME_M {
+            continue;
+        }
         let foot = lane.curve.at(lane.curve.project(point).s).pose.position;
         let distance = foot.distance(point);
         let better = match best {

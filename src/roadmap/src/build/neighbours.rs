@@ -26,14 +26,21 @@ pub(super) fn link(lanes: &mut [Lane<Lab>]) {
 fn neighbours(lanes: &[Lane<Lab>], boxes: &[[DVec2; 2]], index: usize) -> [Option<LaneId>; 2] {
     let lane = &lanes[index];
     let [low, high] = boxes[index];
-    let near: Vec<&Lane<Lab>> = (0..lanes.len())
-        .filter(|&k| k != index && boxes[k][0].cmple(high).all() && boxes[k][1].cmpge(low).all())
-        .map(|k| &lanes[k])
+    let near: Vec<(&Lane<Lab>, &[DVec2; 2])> = lanes
+        .iter()
+        .zip(boxes)
+        .enumerate()
+        .filter(|&(k, (_, other))| k != index && other[0].cmple(high).all() && other[1].cmpge(low).all())
+        .map(|(_, near)| near)
         .collect();
     let mut counts: [BTreeMap<LaneId, usize>; 2] = Default::default();
     for place in 0..PLACES {
         let pose = lane.curve.at(lane.curve.length() * (place as f64 + 0.5) / PLACES as f64).pose;
-        for other in &near {
+        for (other, [low, high]) in &near {
+            // Outside of its box the other lane is farther away than a neighbour.
+            if pose.position.cmplt(*low).any() || pose.position.cmpgt(*high).any() {
+                continue;
+            }
             let foot = other.curve.at(other.curve.project(pose.position).s).pose;
             let offset = foot.position - pose.position;
             let (ahead, left) = (offset.dot(pose.forward()), offset.dot(pose.left()));

@@ -258,19 +258,29 @@ impl LanePair<'_> {
         let (track, other_track) = (self.swept_paths[of], self.swept_paths[1 - of]);
         let round = |from: f64, to: f64, length: f64| ((from - STEP_M).max(0.0), (to + STEP_M).min(length));
         let steps = (track.length / STEP_M).ceil().max(1.0) as usize;
+        let widest = track.widest + other_track.widest + MARGIN_M;
+        // The distance changes by no more than the step: some steps can be skipped.
+        let skipped = |distance: f64| (((distance - widest) / STEP_M).floor().max(0.0) as usize).max(1);
         let mut intervals: Vec<ConflictInterval> = Vec::new();
         let mut step = 0;
         while step <= steps {
             let s = track.length * step as f64 / steps as f64;
             let here = LanePoint { s, pose: lane.curve.at(s).pose };
+            // The box around the other lane has its widest reach in it: the lane is no nearer than this, and far lanes are
+            // told without a projection.
+            let [low, high] = other_track.bounds;
+            let outside = here.pose.position.distance(here.pose.position.clamp(low, high));
+            let least = outside + other_track.widest + MARGIN_M;
+            if least >= widest {
+                step += skipped(least);
+                continue;
+            }
             let foot = other.curve.project(here.pose.position).s;
             let there = LanePoint { s: foot, pose: other.curve.at(foot).pose };
             let distance = there.pose.position.distance(here.pose.position);
             let reach = track.reach_towards(here, there) + other_track.reach_towards(there, here) + MARGIN_M;
             if distance >= reach || self.same_way(of, s, foot) {
-                // The distance changes by no more than the step: some steps can be skipped.
-                let spare = distance - (track.widest + other_track.widest + MARGIN_M);
-                step += ((spare / STEP_M).floor().max(0.0) as usize).max(1);
+                step += skipped(distance);
                 continue;
             }
             let (from, to) = round(s, s, track.length);

@@ -3,10 +3,11 @@
 use super::fields::did_you_mean;
 use city3d_control::coordination::Coordinators;
 use city3d_control::{Algorithms, Drivers};
+use city3d_roadmap::{LabMap, MapErrors, load_map};
 use std::collections::BTreeMap;
 use std::io::Read;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, PoisonError};
 use thiserror::Error;
 
 /// Largest map or model that is read.
@@ -121,7 +122,13 @@ pub struct Library {
     folder: PathBuf,
     algorithms: Algorithms,
     kept: Option<Arc<Kept>>,
+    built: Arc<BuiltMap>,
 }
+
+/// The last map that was built from a drawing: the runs of a study have the same one, and building it takes longer than all
+/// else that starts a run.
+#[derive(Debug, Default)]
+struct BuiltMap(Mutex<Option<(Vec<u8>, Arc<LabMap>)>>);
 
 #[derive(Debug)]
 struct Kept {
@@ -218,6 +225,12 @@ impl Library {
         self.kept.as_ref().is_some_and(|kept| kept.models.contains_key(name)) || self.file(name).is_some()
     }
 
+    /// Bytes of a file of this name beside the scenario or in the working directory; `None` where there is none that can be
+    /// read.
+    pub fn own_file(&self, name: &str) -> Option<Vec<u8>> {
+        self.file(name).and_then(|path| read(&path, "files", LARGEST_FILE_BYTES).ok())
+    }
+
     /// Loads a map by path or embedded name.
     ///
     /// # Errors
@@ -235,6 +248,20 @@ impl Library {
             kind: "maps",
             names: MAPS.map(|(name, _)| name).join(", "),
         })
+    }
+
+    /// The map of a drawing, built anew only where the last one was of other bytes.
+    pub(super) fn built_map(&self, drawing: &[u8]) -> Result<Arc<LabMap>, MapErrors> {
+        // Whoever comes while it is being built waits for it.
+        let mut built = self.built.0.lock().unwrap_or_else(PoisonError::into_inner);
+        match &*built {
+            Some((bytes, map)) if bytes == drawing => Ok(Arc::clone(map)),
+            _ => {
+                let map = Arc::new(load_map(drawing)?.map);
+                *built = Some((drawing.to_vec(), Arc::clone(&map)));
+                Ok(map)
+            }
+        }
     }
 }
 
