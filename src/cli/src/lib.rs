@@ -368,13 +368,14 @@ fn start_logging(verbose: u8) {
             name => write!(writer, "{name}={}", say::visible(&value)),
         }
     });
-    tracing_subscriber::fmt()
+    // A second command in one process, as of Python, logs as the first one does.
+    let _ = tracing_subscriber::fmt()
         .with_env_filter(filter)
         .fmt_fields(fields.delimited(" "))
         .with_writer(std::io::stderr)
         .with_ansi(has_colours())
         .without_time()
-        .init();
+        .try_init();
 }
 
 /// Whether standard error shows colours: a terminal that can, unless `NO_COLOR` (<https://no-color.org>) asks for none.
