@@ -15,7 +15,7 @@ use crate::environment::EnvironmentProfile;
 use city3d_dynamics::vehicle::ModelKind;
 use city3d_geometry::LengthScale;
 use city3d_protocol::snapshot::VehicleId;
-use city3d_roadmap::{CityMap, LabMap, load_map};
+use city3d_roadmap::{CityMap, LabMap};
 use city3d_workers::Workers;
 use std::collections::BTreeMap;
 use std::fmt::Write;
@@ -209,12 +209,12 @@ pub fn read_experiment(
             return Err(fail(problems));
         }
     };
-    let loaded = load_map(&map_bytes).map_err(|errors| ScenarioError::Map {
+    let map = library.load_map(&map_bytes).map_err(|errors| ScenarioError::Map {
         file: map_name.to_owned(),
         problems: errors.listed.iter().map(ToString::to_string).collect(),
     })?;
     let models = ModelReader::new(library);
-    let reader = ScenarioReader { map: loaded.map, library, models: &models, overrides };
+    let reader = ScenarioReader { map, library, models: &models, overrides };
     let mut experiment = reader.read(&root, text, map_bytes);
     let (models, faults) = models.finish(&experiment.lab_map.models);
     experiment.models = models;

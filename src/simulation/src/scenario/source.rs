@@ -3,10 +3,11 @@
 use super::fields::did_you_mean;
 use city3d_control::coordination::Coordinators;
 use city3d_control::{Algorithms, Drivers};
-use std::collections::BTreeMap;
+use city3d_roadmap::{LabMap, MapErrors, load_map};
+use std::collections::{BTreeMap, VecDeque};
 use std::io::Read;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, PoisonError};
 use thiserror::Error;
 
 /// Largest map or model that is read.
@@ -121,6 +122,31 @@ pub struct Library {
     folder: PathBuf,
     algorithms: Algorithms,
     kept: Option<Arc<Kept>>,
+    map_cache: Option<MapCache>,
+}
+
+/// A cache of maps, for programs that read many scenarios: finding the conflict zones of a map takes longer than the rest of a
+/// scenario. The least recently loaded one makes room.
+#[derive(Clone, Debug, Default)]
+pub struct MapCache(Arc<Mutex<VecDeque<(Vec<u8>, Arc<LabMap>)>>>);
+
+/// Most maps that are kept.
+const MOST_LOADED: usize = 4;
+
+impl MapCache {
+    /// The map of a drawing's bytes: one that has been loaded from the same bytes, or a new one.
+    fn load(&self, bytes: &[u8]) -> Result<LabMap, MapErrors> {
+        let all = || self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let known = all().iter().find(|(of, _)| of == bytes).map(|(_, map)| Arc::clone(map));
+        if let Some(known) = known {
+            return Ok(LabMap::clone(&known));
+        }
+        let map = load_map(bytes)?.map;
+        let mut all = all();
+        all.truncate(MOST_LOADED - 1);
+        all.push_front((bytes.to_vec(), Arc::new(map.clone())));
+        Ok(map)
+    }
 }
 
 #[derive(Debug)]
@@ -153,6 +179,21 @@ impl Library {
     pub fn with_coordinators(mut self, coordinators: Coordinators) -> Self {
         self.algorithms.coordinators = coordinators;
         self
+    }
+
+    /// The library with a cache of maps, which several libraries may share.
+    #[must_use]
+    pub fn with_map_cache(mut self, cache: MapCache) -> Self {
+        self.map_cache = Some(cache);
+        self
+    }
+
+    /// The map of a drawing's bytes.
+    pub(super) fn load_map(&self, bytes: &[u8]) -> Result<LabMap, MapErrors> {
+        match &self.map_cache {
+            Some(cache) => cache.load(bytes),
+            None => Ok(load_map(bytes)?.map),
+        }
     }
 
     /// The algorithms that a scenario may name.
@@ -293,6 +334,23 @@ fn read(path: &Path, kind: &'static str, most: u64) -> Result<Vec<u8>, SourceErr
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_map_of_the_cache_is_the_one_that_is_loaded() {
+        let cache = MapCache::default();
+        let (plain, cached) = (Library::default(), Library::default().with_map_cache(cache.clone()));
+        for name in ["merge", "crossing", "merge"] {
+            let bytes = plain.map(name).unwrap();
+            assert_eq!(cached.load_map(&bytes).unwrap(), plain.load_map(&bytes).unwrap(), "{name}");
+        }
+        let count = || cache.0.lock().unwrap().len();
+        assert_eq!(count(), 2, "each is loaded once");
+        assert!(cached.load_map(b"no drawing").is_err());
+        for name in ["road", "corridor", "ids3c"] {
+            cached.load_map(&plain.map(name).unwrap()).unwrap();
+        }
+        assert_eq!(count(), MOST_LOADED);
+    }
 
     #[test]
     #[allow(clippy::disallowed_types, reason = "a file of which only the size matters")]
