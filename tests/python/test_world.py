@@ -216,6 +216,7 @@ def test_worlds_are_stepped_side_by_side_and_threads_run_meanwhile():
         (lambda: city3d.World("roundabout").step(float("nan")), "no whole number of steps"),
         (lambda: city3d.World("roundabout").drive(99), "no vehicle 99"),
         (lambda: city3d.World("roundabout").act(np.array([1], np.uint32), np.zeros((2, 3))), "one row of 3"),
+        (lambda: city3d.World("roundabout").act([1], [[0.0]], "pull"), "there are pedals, acceleration, along_route, trajectory"),
         (lambda: city3d.World("roundabout").pictures([city3d.Camera.onboard(1)], 0, 9), "1 to 8192"),
         (lambda: city3d.World("roundabout").pictures([], kind="sound"), "rgb, depth, semantic, instance"),
         (lambda: city3d.Camera.onboard(1, "roof"), "windscreen"),
