@@ -1,9 +1,8 @@
 """What the Python package takes: vehicle steps, pictures and memory, beside highway-env and MetaDrive.
 
-    target/python/bin/python benches/python.py                 all of City3D's measurements, as a table
-    target/python/bin/python benches/python.py states resets   some of them
-    OTHER/bin/python benches/python.py highway-env             a peer, in an environment that has it
-    OTHER/bin/python benches/python.py metadrive
+    scripts/python.sh bench                                  all of it, with the wheel that scripts/python.sh wheel has built
+    target/python-wheel/bin/python benches/python.py states resets      some of City3D's measurements
+    target/python-peers/bin/python benches/python.py highway-env        a peer, in an environment that has it
 
 Each measurement runs in a process of its own. One step is 0.1 s of simulated time with the observations of all vehicles; a
 vehicle step is that of one vehicle.

@@ -134,8 +134,8 @@ class CityParallelEnv(ParallelEnv):
         places = [self._place[agent] for agent in self.agents if agent in actions]
         if not places:
             return
-        wanted = [np.asarray(actions[agent]).reshape(-1)[0] for agent in self.agents if agent in actions]
-        wanted = np.clip(np.array(wanted, np.float64), -1.0, 1.0)
+        numbers = [np.asarray(actions[agent]).reshape(-1)[0] for agent in self.agents if agent in actions]
+        wanted = np.clip(np.array(numbers, np.float64), -1.0, 1.0)
         self._actions[places] = wanted
         least, most = self._limits[places].T
         self.world.act(self._ids[places], np.where(wanted > 0, wanted * most, -wanted * least), "along_route")
@@ -157,7 +157,7 @@ class CityParallelEnv(ParallelEnv):
         def of_agents(values: np.ndarray) -> dict[str, Any]:
             return dict(zip(self.agents, values[places].tolist(), strict=True))
 
-        outcome = (
+        outcome: tuple[Any, ...] = (
             dict(zip(self.agents, observations, strict=True)),
             of_agents(rewards),
             of_agents(terminated),
@@ -233,7 +233,7 @@ class CityEnv(gymnasium.Env):
             return observations[self.vehicle]
         camera = self._camera()
         if camera is None:
-            return np.zeros(self.observation_space.shape, np.uint8)
+            return np.zeros((self._picture[1], self._picture[0], 3), np.uint8)
         return self.world.pictures([camera], *self._picture)[0]
 
     def reset(
@@ -282,7 +282,8 @@ class CityVectorEnv(VectorEnv):
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
         self._terminated, self._truncated = (np.zeros(num_envs, dtype=bool) for _ in range(2))
-        self._observations = np.zeros(self.observation_space.shape, self.single_observation_space.dtype)
+        shape = (_SIZE,) if self.envs[0]._picture is None else (*self.envs[0]._picture[::-1], 3)
+        self._observations = np.zeros((num_envs, *shape), self.single_observation_space.dtype)
 
     def reset(
         self, *, seed: int | list[int | None] | tuple[int | None, ...] | None = None, options: dict[str, Any] | None = None
@@ -294,14 +295,13 @@ class CityVectorEnv(VectorEnv):
         self._terminated[mask] = self._truncated[mask] = False
         return self._observations.copy(), {}
 
-    def _pictures(self) -> np.ndarray:
+    def _pictures(self, width: int, height: int) -> np.ndarray:
         """What all windscreen cameras see."""
-        cameras = [env._camera() for env in self.envs]
-        seen = [k for k, camera in enumerate(cameras) if camera is not None]
-        pictures = np.zeros(self.observation_space.shape, np.uint8)
+        pictures = np.zeros((self.num_envs, height, width, 3), np.uint8)
+        seen = {k: camera for k, env in enumerate(self.envs) if (camera := env._camera()) is not None}
         if seen:
             worlds = [self.envs[k].world for k in seen]
-            pictures[seen] = picture_worlds(worlds, [cameras[k] for k in seen], *self.envs[0]._picture)
+            pictures[list(seen)] = picture_worlds(worlds, list(seen.values()), width, height)
         return pictures
 
     def step(
@@ -325,11 +325,11 @@ class CityVectorEnv(VectorEnv):
                 rewards[k], self._terminated[k], self._truncated[k] = (of[env.vehicle] for of in (reward, terminated, truncated))
             if env._picture is None:
                 self._observations[k] = seen[env.vehicle]
-        if self.envs[0]._picture is not None:
-            self._observations = self._pictures()
+        if (picture := self.envs[0]._picture) is not None:
+            self._observations = self._pictures(*picture)
         return self._observations.copy(), rewards, self._terminated.copy(), self._truncated.copy(), {}
 
-    def render(self) -> tuple[np.ndarray | None, ...]:
+    def render(self) -> tuple[Any, ...]:
         """Each city from above."""
         return tuple(env.render() for env in self.envs)
 

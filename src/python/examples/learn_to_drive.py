@@ -52,7 +52,9 @@ def returns(env: CityVectorEnv, policies: np.ndarray, seeds: list[int]) -> np.nd
         if begins.any():
             begun = [seeds[job[1]] if job is not None else None for job in doing]
             observations, _ = env.reset(seed=begun, options={"reset_mask": begins})
-            driven[begins] = [policies[doing[world][0]] for world in np.flatnonzero(begins)]
+            for place, job in enumerate(doing):
+                if begins[place] and job is not None:
+                    driven[place] = policies[job[0]]
         if all(job is None for job in doing):
             return found
         actions = np.clip((features(observations) * driven).sum(axis=1), -1.0, 1.0)

@@ -409,6 +409,7 @@ pub fn step_worlds(py: Python<'_>, worlds: Vec<Py<World>>, seconds: f64) -> PyRe
 
 /// What cameras see in many worlds, one camera for each world, as `World.pictures` returns it: worlds of one scene share a
 /// renderer, and a picture is drawn while the one before is copied.
+#[allow(clippy::too_many_arguments, reason = "Python gives them by name")]
 #[pyfunction]
 #[pyo3(signature = (worlds, cameras, width = 640, height = 480, *, kind = "rgb", vertical_fov_deg = USUAL_FOV_DEG))]
 pub fn picture_worlds<'py>(
