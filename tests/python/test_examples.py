@@ -27,10 +27,10 @@ def test_the_training_runs_in_short_and_says_how_it_compares(learning, monkeypat
 
 
 def test_its_returns_are_those_of_single_environments(learning):
-    vector = envs.CityVectorEnv("city", 3, duration_s=3.0, autoreset_mode=envs.AutoresetMode.DISABLED)
+    vector = envs.CityVectorEnv("roundabout", 3, duration_s=3.0, autoreset_mode=envs.AutoresetMode.DISABLED)
     policies = np.array([[0.0, 0.0, 0.0, 0.0], [-1.0, 0.0, 0.0, 0.0], [0.3, -1.0, 1.0, 1.0]])
     together = learning["returns"](vector, policies, [5, 6])
-    env = envs.CityEnv("city", duration_s=3.0)
+    env = envs.CityEnv("roundabout", duration_s=3.0)
     for row, policy in enumerate(policies):
         for column, seed in enumerate([5, 6]):
             observation, _ = env.reset(seed=seed)
