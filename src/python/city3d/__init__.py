@@ -5,6 +5,7 @@ cameras see, drive vehicles by arrays of actions or by a class of your own. `rea
 PettingZoo. All lengths are full-scale metres, but those of drivers and coordinators: they work in the laboratory's metres, 1:25.
 """
 
+import os
 import sys
 
 from ._native import (
@@ -57,4 +58,7 @@ __all__ = [
 
 def main() -> None:
     """The program's command: `city3d run roundabout`, and all others."""
+    if hasattr(os, "getuid"):
+        # As the program has it for itself: libwayland complains where it looks for a display without this folder.
+        os.environ.setdefault("XDG_RUNTIME_DIR", f"/run/user/{os.getuid()}")
     sys.exit(run_program(["city3d", *sys.argv[1:]]))
