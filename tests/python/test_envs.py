@@ -10,6 +10,7 @@ import pytest
 from gymnasium.utils.env_checker import check_env
 from pettingzoo.test import parallel_api_test, parallel_seed_test
 
+import city3d
 from city3d import envs
 
 IDS = ["City3D/Roundabout-v0", "City3D/Merge-v0", "City3D/City-v0"]
@@ -100,7 +101,38 @@ def test_vehicles_of_other_drivers_are_no_agents():
 
 def test_an_environment_that_is_dropped_frees_its_world():
     env = envs.CityEnv("roundabout")
-    world = weakref.ref(env._env._drivers)
+    world = weakref.ref(env.world)
     del env
     gc.collect()
     assert world() is None
+
+
+def test_pictures_of_a_vector_are_those_of_its_parts():
+    vector = envs.CityVectorEnv("roundabout", 3, picture=(64, 48), quality="low")
+    singles = [envs.CityEnv("roundabout", picture=(64, 48), quality="low") for _ in range(3)]
+    together, _ = vector.reset(seed=4)
+    assert np.array_equal(together, np.stack([env.reset(seed=4 + k)[0] for k, env in enumerate(singles)]))
+    actions = np.array([[-1.0], [0.0], [1.0]], np.float32)
+    for _ in range(5):
+        together, *_ = vector.step(actions)
+        alone = np.stack([env.step(action)[0] for env, action in zip(singles, actions, strict=True)])
+    assert np.array_equal(together, alone) and not np.array_equal(together[0], together[2])
+
+
+def test_observations_are_what_they_are_said_to_be():
+    env = envs.CityParallelEnv("roundabout")
+    env.reset(seed=1)
+    for _ in range(20):
+        seen, *_ = env.step({agent: np.zeros(1, np.float32) for agent in env.agents})
+    states, at = env.world.states(), {name: place for place, name in enumerate(city3d.COLUMNS)}
+    for row, agent in enumerate(env.possible_agents):
+        own, observed = states[row], seen[agent]
+        assert np.allclose(observed[:2], [own[at["speed_mps"]] / 10, own[at["acceleration_mps2"]] / 3], atol=1e-6)
+        assert np.isclose(observed[3], 1 - env.world.time_s / env.world.duration_s)
+        places = states[:, [at["x_m"], at["y_m"]]]
+        distances = np.delete(np.hypot(*(places - places[row]).T), row)
+        order = np.delete(np.arange(len(states)), row)[np.argsort(distances)]
+        cos, sin = np.cos(own[at["heading_rad"]]), np.sin(own[at["heading_rad"]])
+        for neighbour, other in zip(observed[4:].reshape(5, 5), order, strict=True):
+            x, y = places[other] - places[row]
+            assert np.allclose(neighbour[:3], [1, (x * cos + y * sin) / 50, (y * cos - x * sin) / 50], atol=1e-5)

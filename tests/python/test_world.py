@@ -204,6 +204,19 @@ def test_worlds_are_stepped_side_by_side_and_threads_run_meanwhile():
     assert meanwhile > 100, "a thread that counts gets nowhere while the lock is held"
 
 
+def test_a_command_runs_in_the_process_and_a_script_runs_once(tmp_path):
+    commands = [["run", "straight", "--duration", "1", "--out", str(tmp_path / "a")], ["check", "straight"], ["--help"], ["fly"]]
+    script = tmp_path / "script.py"
+    script.write_text(f"import city3d\nprint('once')\nfor command in {commands!r}:\n    print('code', city3d.run_program(['city3d', *command]), flush=True)\n")
+    environment = {key: value for key, value in os.environ.items() if key != "XDG_RUNTIME_DIR"}
+    environment["PYTHONPATH"] = os.environ.get("CITY3D_PACKAGE", "")
+    run = subprocess.run(["python3", str(script)], capture_output=True, text=True, env=environment)
+    assert run.returncode == 0, run.stderr
+    assert run.stdout.count("once") == 1
+    assert [line for line in run.stdout.splitlines() if line.startswith("code")] == ["code 0", "code 0", "code 0", "code 2"]
+    assert "Usage: city3d" in run.stdout and "fly" in run.stderr
+
+
 @pytest.mark.parametrize(
     ("wrong", "message"),
     [
@@ -216,6 +229,7 @@ def test_worlds_are_stepped_side_by_side_and_threads_run_meanwhile():
         (lambda: city3d.World("roundabout").step(float("nan")), "no whole number of steps"),
         (lambda: city3d.World("roundabout").drive(99), "no vehicle 99"),
         (lambda: city3d.World("roundabout").act(np.array([1], np.uint32), np.zeros((2, 3))), "one row of 3"),
+        (lambda: city3d.World("roundabout").act([1], [[0.0]], "pull"), "there are pedals, acceleration, along_route, trajectory"),
         (lambda: city3d.World("roundabout").pictures([city3d.Camera.onboard(1)], 0, 9), "1 to 8192"),
         (lambda: city3d.World("roundabout").pictures([], kind="sound"), "rgb, depth, semantic, instance"),
         (lambda: city3d.Camera.onboard(1, "roof"), "windscreen"),

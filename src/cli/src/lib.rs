@@ -279,23 +279,42 @@ impl From<ExistingResults> for Failure {
     }
 }
 
-/// Runs the program with the arguments of the process.
+/// Runs the program with the arguments of the process, which may begin anew with another environment.
 pub fn main() -> ExitCode {
-    ExitCode::from(run_program(std::env::args_os()))
+    ExitCode::from(run(std::env::args_os(), ProcessUse::Own))
 }
 
-/// Runs the program with these arguments, of which the first is its name; returns the code that it exits with. Arguments that
-/// are no command, and requests for help, end the process.
+/// Runs the program with these arguments, of which the first is its name, as a part of another program; returns the code that
+/// it would exit with.
 pub fn run_program(arguments: impl IntoIterator<Item = OsString>) -> u8 {
-    let matches = with_negative_numbers(Cli::command()).get_matches_from(arguments);
-    let cli = match Cli::from_arg_matches(&matches) {
+    run(arguments, ProcessUse::Shared)
+}
+
+/// Whose process it is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum ProcessUse {
+    /// The program's alone.
+    Own,
+    /// Of another program, such as an interpreter, which would run its script twice if the process began anew.
+    Shared,
+}
+
+fn run(arguments: impl IntoIterator<Item = OsString>, process: ProcessUse) -> u8 {
+    let matches = with_negative_numbers(Cli::command()).try_get_matches_from(arguments);
+    let cli = match matches.and_then(|matches| Cli::from_arg_matches(&matches)) {
         Ok(cli) => cli,
-        Err(error) => error.exit(),
+        Err(error) => {
+            // Help goes to standard output, which may be closed.
+            let _ = error.print();
+            return u8::try_from(error.exit_code()).unwrap_or(BAD_USAGE);
+        }
     };
     #[cfg(feature = "render")]
-    if cli.draws() {
+    if cli.draws() && process == ProcessUse::Own {
         runtime_folder::provide();
     }
+    #[cfg(not(feature = "render"))]
+    let _ = process;
     start_logging(cli.verbose);
     let result = signals::survive_file_limit().and_then(|()| match cli.command {
         None => without_command(),
@@ -309,6 +328,9 @@ pub fn run_program(arguments: impl IntoIterator<Item = OsString>) -> u8 {
         }
     }
 }
+
+/// Exit code for arguments that are no command.
+const BAD_USAGE: u8 = 2;
 
 /// `--distance -5` is an invalid value, not an unknown option.
 fn with_negative_numbers(command: clap::Command) -> clap::Command {
@@ -368,13 +390,14 @@ fn start_logging(verbose: u8) {
             name => write!(writer, "{name}={}", say::visible(&value)),
         }
     });
-    tracing_subscriber::fmt()
+    // A second command in one process, as of Python, logs as the first one does.
+    let _ = tracing_subscriber::fmt()
         .with_env_filter(filter)
         .fmt_fields(fields.delimited(" "))
         .with_writer(std::io::stderr)
         .with_ansi(has_colours())
         .without_time()
-        .init();
+        .try_init();
 }
 
 /// Whether standard error shows colours: a terminal that can, unless `NO_COLOR` (<https://no-color.org>) asks for none.

@@ -1,7 +1,8 @@
 """Environments of Gymnasium and PettingZoo: speeds of automated vehicles among others in the city.
 
 An agent sets the acceleration of its vehicle along its route, in [-1, 1] from full braking to full acceleration; the
-library steers, and keeps the right of way, unless the scenario says otherwise. A step is 0.1 s of simulated time.
+library steers, and keeps the right of way, unless the scenario says otherwise. The distance to the vehicle ahead is the
+agent's. Where vehicles are coordinated, plans drive them, and agents too. A step is 0.1 s of simulated time.
 
 Observation (float32, 4 + 5 * NEIGHBOURS numbers): own speed over 10 m/s, own acceleration over 3 m/s2, own steering
 angle (radians), time left as a share of the duration; then of each of the nearest vehicles whether it is there (0 or
@@ -24,7 +25,7 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from pettingzoo import ParallelEnv
 
-from . import COLUMNS, Camera, World, step_worlds
+from . import COLUMNS, Camera, World, picture_worlds, step_worlds
 
 NEIGHBOURS = 5
 STEP_S = 0.1
@@ -33,67 +34,8 @@ COLLISION = 100.0
 ENTERS_S = 60.0
 _SIZE = 4 + 5 * NEIGHBOURS
 _AT = {name: place for place, name in enumerate(COLUMNS)}
-#: Name under which scenarios call the driver of an agent.
+#: The control algorithm of vehicles that may be agents: IDM, until it is told an acceleration.
 DRIVER = "agent"
-
-
-class _Agents:
-    """Makes the drivers of agents; it knows no environment, which would keep its own world alive."""
-
-    def __init__(self, vehicles: tuple[int, ...] | None) -> None:
-        self.vehicles = vehicles
-        self.made: dict[int, _Agent] = {}
-
-    def __call__(self, vehicle: int, parameters: dict[str, float]) -> _Agent | None:
-        if self.vehicles is not None and vehicle not in self.vehicles:
-            return None
-        self.made[vehicle] = _Agent(parameters)
-        return self.made[vehicle]
-
-
-class _Agent:
-    """The driver of one vehicle: it does what the environment was told."""
-
-    def __init__(self, parameters: dict[str, float]) -> None:
-        self.least = parameters["min_acceleration_mps2"]
-        self.most = parameters["max_acceleration_mps2"]
-        self.action = 0.0
-
-    def acceleration(
-        self, speed_mps: float, desired_mps: float, gap_m: float | None, leader_mps: float | None
-    ) -> float:
-        wanted = self.action * (self.most if self.action > 0 else -self.least)
-        # Not beyond the speed that the road allows.
-        return min(wanted, (desired_mps - speed_mps) / STEP_S)
-
-
-def observe(states: np.ndarray, row: int, left: float) -> np.ndarray:
-    """What the vehicle of a row of states observes."""
-    own = states[row]
-    heading = own[_AT["heading_rad"]]
-    cos, sin = np.cos(heading), np.sin(heading)
-    places = states[:, [_AT["x_m"], _AT["y_m"]]] - own[[_AT["x_m"], _AT["y_m"]]]
-    velocities = states[:, [_AT["vx_mps"], _AT["vy_mps"]]] - own[[_AT["vx_mps"], _AT["vy_mps"]]]
-    distances = np.hypot(places[:, 0], places[:, 1])
-    distances[row] = np.inf
-    nearest = np.argsort(distances, kind="stable")[: min(NEIGHBOURS, len(states) - 1)]
-    out = np.zeros(_SIZE, dtype=np.float32)
-    out[:4] = (
-        own[_AT["speed_mps"]] / 10.0,
-        own[_AT["acceleration_mps2"]] / 3.0,
-        own[_AT["steering_rad"]],
-        left,
-    )
-    for place, other in enumerate(nearest):
-        (x, y), (vx, vy) = places[other], velocities[other]
-        out[4 + 5 * place : 9 + 5 * place] = (
-            1.0,
-            (x * cos + y * sin) / 50.0,
-            (y * cos - x * sin) / 50.0,
-            (vx * cos + vy * sin) / 10.0,
-            (vy * cos - vx * sin) / 10.0,
-        )
-    return out
 
 
 def observation_space() -> spaces.Box:
@@ -124,22 +66,22 @@ class CityParallelEnv(ParallelEnv):
         **world: Any,
     ) -> None:
         self.render_mode = render_mode
-        self._drivers = _Agents(vehicles)
         self._random = np.random.default_rng()
         changes = dict(world.pop("set", None) or {})
         changes.setdefault("driver.default.controller", DRIVER)
-        self.world = World(scenario, set=changes, drivers={DRIVER: self._drivers}, **world)
+        self.world = World(scenario, set=changes, **world)
         if vehicles is None:
             # Those of the scenario's other drivers are driven by these.
-            names = {id: name for id, name in self.world.names.items() if id in self._drivers.made}
-            self._drivers.vehicles = tuple(names)
+            controllers = self.world.controllers
+            names = {id: name for id, name in self.world.names.items() if controllers[id] == DRIVER}
         else:
             names = {vehicle: f"vehicle_{vehicle}" for vehicle in vehicles}
-        self._ids = {name: vehicle for vehicle, name in names.items()}
-        self.possible_agents = list(self._ids)
-        if not self.possible_agents:
+        if not names:
             raise ValueError(f"{scenario} has no vehicle of the default driver at its start: give `vehicles` the ids of agents")
+        self.possible_agents = list(names.values())
         self.agents: list[str] = []
+        self._ids = np.array(list(names), np.uint32)
+        self._place = {agent: place for place, agent in enumerate(self.possible_agents)}
         # One object for each agent, as PettingZoo asks for: it is seeded.
         self._observation_spaces = {agent: observation_space() for agent in self.possible_agents}
         self._action_spaces = {agent: action_space() for agent in self.possible_agents}
@@ -159,19 +101,21 @@ class CityParallelEnv(ParallelEnv):
             seed = int(self._random.integers(2**31))
         self.world.reset(seed)
         # Those who enter the city later are waited for.
-        while not set(self._ids.values()) <= set(self.world.ids.tolist()):
+        while not np.isin(self._ids, self.world.ids).all():
             if self.world.time_s >= ENTERS_S:
-                raise RuntimeError(f"agents have not entered within {ENTERS_S} s: {self._ids}")
+                raise RuntimeError(f"agents have not entered within {ENTERS_S} s: {self._ids.tolist()}")
             self.world.step(STEP_S)
-        strangers = set(self._ids.values()) - self._drivers.made.keys()
-        if strangers:
-            raise ValueError(f"vehicles {sorted(strangers)} have another driver than the default one: they are no agents")
+        controllers = self.world.controllers
+        if strangers := [id for id in self._ids.tolist() if controllers[id] != DRIVER]:
+            raise ValueError(f"vehicles {strangers} have another driver than the default one: they are no agents")
         self.world.events()
         self.agents = list(self.possible_agents)
-        self._last = {agent: 0.0 for agent in self.agents}
-        states = self.world.states()
-        self._driven = self._distances(states)
-        return self._observations(states), {agent: {} for agent in self.agents}
+        self._limits = self.world.limits(self._ids)
+        self._actions = np.zeros(len(self._ids))
+        self._last = np.zeros(len(self._ids))
+        self._driven, _ = self._distances()
+        observations = self.world.observe(self._ids, NEIGHBOURS)
+        return dict(zip(self.agents, observations, strict=True)), {agent: {} for agent in self.agents}
 
     def step(
         self, actions: dict[str, np.ndarray]
@@ -184,52 +128,60 @@ class CityParallelEnv(ParallelEnv):
     ]:
         self._command(actions)
         self.world.step(STEP_S)
-        return self._outcome(actions)
+        return self._outcome()
 
     def _command(self, actions: dict[str, np.ndarray]) -> None:
-        for agent, action in actions.items():
-            self._drivers.made[self._ids[agent]].action = float(np.clip(np.asarray(action).reshape(-1)[0], -1.0, 1.0))
+        places = [self._place[agent] for agent in self.agents if agent in actions]
+        if not places:
+            return
+        numbers = [np.asarray(actions[agent]).reshape(-1)[0] for agent in self.agents if agent in actions]
+        wanted = np.clip(np.array(numbers, np.float64), -1.0, 1.0)
+        self._actions[places] = wanted
+        least, most = self._limits[places].T
+        self.world.act(self._ids[places], np.where(wanted > 0, wanted * most, -wanted * least), "along_route")
 
-    def _outcome(self, actions: dict[str, np.ndarray]) -> tuple[Any, ...]:
-        collided = set()
+    def _outcome(self) -> tuple[Any, ...]:
+        collided = np.zeros(len(self._ids), dtype=bool)
         for event in self.world.events():
             if event["kind"].startswith("collision"):
-                collided |= {event["vehicle"], event.get("with")}
-        states, is_over = self.world.states(), self.world.is_over
-        driven, observations = self._distances(states), self._observations(states)
-        rewards, terminations, truncations = {}, {}, {}
-        for agent in self.agents:
-            id = self._ids[agent]
-            action = self._drivers.made[id].action
-            reward = driven.get(id, 0.0) - self._driven.get(id, 0.0) if id in driven else 0.0
-            reward -= 0.1 * (action - self._last[agent]) ** 2 + COLLISION * (id in collided)
-            self._last[agent] = action
-            rewards[agent] = float(reward)
-            terminations[agent] = id in collided or id not in driven
-            truncations[agent] = is_over and not terminations[agent]
-        self._driven = driven
-        infos: dict[str, dict[str, Any]] = {agent: {} for agent in self.agents}
-        self.agents = [agent for agent in self.agents if not (terminations[agent] or truncations[agent])]
-        return observations, rewards, terminations, truncations, infos
+                collided |= np.isin(self._ids, [event["vehicle"], event.get("with", -1)])
+        driven, is_there = self._distances()
+        rewards = np.where(is_there, driven - self._driven, 0.0)
+        rewards -= 0.1 * (self._actions - self._last) ** 2 + COLLISION * collided
+        terminated = collided | ~is_there
+        truncated = ~terminated & self.world.is_over
+        self._driven, self._last = driven, self._actions.copy()
+        places = [self._place[agent] for agent in self.agents]
+        observations = self.world.observe(self._ids[places], NEIGHBOURS)
 
-    @staticmethod
-    def _distances(states: np.ndarray) -> dict[int, float]:
-        return dict(zip(states[:, 0].astype(int).tolist(), states[:, _AT["distance_m"]].tolist(), strict=True))
+        def of_agents(values: np.ndarray) -> dict[str, Any]:
+            return dict(zip(self.agents, values[places].tolist(), strict=True))
 
-    def _observations(self, states: np.ndarray) -> dict[str, np.ndarray]:
-        rows = {int(id): row for row, id in enumerate(states[:, 0])}
-        left = max(0.0, 1.0 - self.world.time_s / self.world.duration_s)
-        nothing = np.zeros(_SIZE, dtype=np.float32)
-        return {
-            agent: observe(states, rows[self._ids[agent]], left) if self._ids[agent] in rows else nothing
-            for agent in self.agents
-        }
+        outcome: tuple[Any, ...] = (
+            dict(zip(self.agents, observations, strict=True)),
+            of_agents(rewards),
+            of_agents(terminated),
+            of_agents(truncated),
+            {agent: {} for agent in self.agents},
+        )
+        is_over = terminated | truncated
+        self.agents = [agent for agent, place in zip(self.agents, places, strict=True) if not is_over[place]]
+        return outcome
+
+    def _distances(self) -> tuple[np.ndarray, np.ndarray]:
+        """How far each agent has driven, and whether it is in the city."""
+        states = self.world.states()
+        rows = np.searchsorted(states[:, _AT["id"]], self._ids)
+        is_there = np.isin(self._ids, states[:, _AT["id"]])
+        driven = np.zeros(len(self._ids))
+        driven[is_there] = states[rows[is_there], _AT["distance_m"]]
+        return driven, is_there
 
     def render(self) -> np.ndarray | None:
         """The city from above, as an array of (height, width, 3)."""
         if self.render_mode != "rgb_array":
             return None
-        return self.world.pictures([Camera.overhead(height_m=220.0)], 512, 512)[0]
+        return self.world.pictures([self.world.overview(512, 512)], 512, 512)[0]
 
     def close(self) -> None:
         """Nothing is to be closed."""
@@ -267,13 +219,22 @@ class CityEnv(gymnasium.Env):
         """The city of the environment."""
         return self._env.world
 
+    @property
+    def id(self) -> int:
+        """Id of the agent's vehicle."""
+        return int(self._env._ids[0])
+
+    def _camera(self) -> Camera | None:
+        """The camera of a picture as observation, while the vehicle is in the city."""
+        return Camera.onboard(self.id) if self.id in self.world.ids else None
+
     def _seen(self, observations: dict[str, np.ndarray]) -> np.ndarray:
         if self._picture is None:
             return observations[self.vehicle]
-        id = self._env._ids[self.vehicle]
-        if id not in self.world.ids:
-            return np.zeros(self.observation_space.shape, np.uint8)
-        return self.world.pictures([Camera.onboard(id)], *self._picture)[0]
+        camera = self._camera()
+        if camera is None:
+            return np.zeros((self._picture[1], self._picture[0], 3), np.uint8)
+        return self.world.pictures([camera], *self._picture)[0]
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -295,12 +256,24 @@ class CityEnv(gymnasium.Env):
 class CityVectorEnv(VectorEnv):
     """Several `CityEnv` side by side on all cores, with arrays for observations and actions.
 
-    An environment that ends begins anew with the next step, as `AutoresetMode.NEXT_STEP` of Gymnasium says.
+    An environment that ends begins anew with the next step, as `AutoresetMode.NEXT_STEP` of Gymnasium says. With
+    `AutoresetMode.DISABLED` it waits, with a reward of 0, for `reset(seed=, options={"reset_mask": mask})`, which resets
+    those of the mask.
     """
 
     metadata = {"autoreset_mode": AutoresetMode.NEXT_STEP, "render_modes": ["rgb_array"], "render_fps": 10}
 
-    def __init__(self, scenario: str = "roundabout", num_envs: int = 2, **options: Any) -> None:
+    def __init__(
+        self,
+        scenario: str = "roundabout",
+        num_envs: int = 2,
+        *,
+        autoreset_mode: AutoresetMode = AutoresetMode.NEXT_STEP,
+        **options: Any,
+    ) -> None:
+        if autoreset_mode not in (AutoresetMode.NEXT_STEP, AutoresetMode.DISABLED):
+            raise ValueError(f"{autoreset_mode}: environments begin anew with the next step, or are reset by a mask")
+        self.metadata = {**self.metadata, "autoreset_mode": autoreset_mode}
         self.num_envs = num_envs
         self.envs = [CityEnv(scenario, **options) for _ in range(num_envs)]
         self.render_mode = self.envs[0].render_mode
@@ -308,46 +281,69 @@ class CityVectorEnv(VectorEnv):
         self.single_action_space = self.envs[0].action_space
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
-        self._ended = np.zeros(num_envs, dtype=bool)
+        self._terminated, self._truncated = (np.zeros(num_envs, dtype=bool) for _ in range(2))
+        shape = (_SIZE,) if self.envs[0]._picture is None else (*self.envs[0]._picture[::-1], 3)
+        self._observations = np.zeros((num_envs, *shape), self.single_observation_space.dtype)
 
     def reset(
         self, *, seed: int | list[int | None] | tuple[int | None, ...] | None = None, options: dict[str, Any] | None = None
     ) -> tuple[np.ndarray, dict[str, Any]]:
         seeds = list(seed) if isinstance(seed, (list, tuple)) else [None if seed is None else seed + k for k in range(self.num_envs)]
-        self._ended[:] = False
-        return np.stack([env.reset(seed=own)[0] for env, own in zip(self.envs, seeds, strict=True)]), {}
+        mask = (options or {}).get("reset_mask", np.ones(self.num_envs, dtype=bool))
+        for k in np.flatnonzero(mask):
+            self._observations[k], _ = self.envs[k].reset(seed=seeds[k])
+        self._terminated[mask] = self._truncated[mask] = False
+        return self._observations.copy(), {}
+
+    def _pictures(self, width: int, height: int) -> np.ndarray:
+        """What all windscreen cameras see."""
+        pictures = np.zeros((self.num_envs, height, width, 3), np.uint8)
+        seen = {k: camera for k, env in enumerate(self.envs) if (camera := env._camera()) is not None}
+        if seen:
+            worlds = [self.envs[k].world for k in seen]
+            pictures[list(seen)] = picture_worlds(worlds, list(seen.values()), width, height)
+        return pictures
 
     def step(
         self, actions: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, dict[str, Any]]:
-        going = [k for k in range(self.num_envs) if not self._ended[k]]
+        ended = self._terminated | self._truncated
+        begins_anew = ended & (self.metadata["autoreset_mode"] is AutoresetMode.NEXT_STEP)
+        going = np.flatnonzero(~ended)
         for k in going:
             env = self.envs[k]
             env._env._command({env.vehicle: actions[k]})
         step_worlds([self.envs[k].world for k in going], STEP_S)
-        observations, rewards = [], np.zeros(self.num_envs)
-        terminations, truncations = (np.zeros(self.num_envs, dtype=bool) for _ in range(2))
-        for k, env in enumerate(self.envs):
-            if self._ended[k]:
-                observations.append(env.reset()[0])
-                continue
-            seen, reward, terminated, truncated, _ = env._env._outcome({})
-            observations.append(env._seen(seen))
-            rewards[k], terminations[k], truncations[k] = (
-                of[env.vehicle] for of in (reward, terminated, truncated)
-            )
-        self._ended = terminations | truncations
-        return np.stack(observations), rewards, terminations, truncations, {}
+        rewards = np.zeros(self.num_envs)
+        self._terminated[begins_anew] = self._truncated[begins_anew] = False
+        for k in np.flatnonzero(~ended | begins_anew):
+            env = self.envs[k]
+            if begins_anew[k]:
+                seen, _ = env._env.reset(int(env.np_random.integers(2**31)))
+            else:
+                seen, reward, terminated, truncated, _ = env._env._outcome()
+                rewards[k], self._terminated[k], self._truncated[k] = (of[env.vehicle] for of in (reward, terminated, truncated))
+            if env._picture is None:
+                self._observations[k] = seen[env.vehicle]
+        if (picture := self.envs[0]._picture) is not None:
+            self._observations = self._pictures(*picture)
+        return self._observations.copy(), rewards, self._terminated.copy(), self._truncated.copy(), {}
 
-    def render(self) -> tuple[np.ndarray | None, ...]:
+    def render(self) -> tuple[Any, ...]:
         """Each city from above."""
         return tuple(env.render() for env in self.envs)
 
 
-for _name, _scenario in (("Roundabout", "roundabout"), ("Merge", "merge"), ("City", "city")):
+#: What environments are by name. In the merge, coordination would drive the agent, which has a plan then.
+_REGISTERED: dict[str, dict[str, Any]] = {
+    "Roundabout": {"scenario": "roundabout", "environment": "testbed"},
+    "Merge": {"scenario": "merge", "vehicle": 4, "set": {"coordination.algorithm": "none"}},
+    "City": {"scenario": "city"},
+}
+for _name, _options in _REGISTERED.items():
     gymnasium.register(
         id=f"City3D/{_name}-v0",
         entry_point="city3d.envs:CityEnv",
         vector_entry_point="city3d.envs:CityVectorEnv",
-        kwargs={"scenario": _scenario},
+        kwargs=_options,
     )

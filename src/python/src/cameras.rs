@@ -1,7 +1,10 @@
 //! Cameras as objects of Python.
 
 use crate::convert::bad_input;
+use crate::pictures::USUAL_FOV_DEG;
+use city3d_geometry::trig;
 use city3d_protocol::snapshot::VehicleId;
+use city3d_roadmap::CityMap;
 use city3d_sensors::{Camera as SensorCamera, Extrinsics, Mount};
 use glam::{DVec2, DVec3};
 use pyo3::prelude::*;
@@ -11,6 +14,18 @@ use pyo3::prelude::*;
 #[derive(Clone, Debug)]
 pub struct Camera {
     pub camera: SensorCamera,
+}
+
+impl Camera {
+    /// Straight above a city, so high that a picture of this size shows all of it.
+    pub fn above(city: &CityMap, [width, height]: [u32; 2]) -> Self {
+        let [low, high] = city.bounds();
+        let half = (high - low) / 2.0;
+        let aspect = f64::from(width) / f64::from(height.max(1));
+        let slope = trig::tan(USUAL_FOV_DEG.to_radians() / 2.0);
+        let height_m = (half.y / slope).max(half.x / (slope * aspect));
+        Self { camera: SensorCamera::Overhead { centre: (low + high) / 2.0, height_m } }
+    }
 }
 
 #[pymethods]

@@ -1,11 +1,13 @@
 //! Classes of Python as drivers.
 
+use crate::commanded::CommandedAccelerations;
+use crate::trouble::Trouble;
 use city3d_control::{Controller, DriverParams, Drivers, LeaderState, OwnMotion, controller};
 use city3d_protocol::snapshot::VehicleId;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use std::collections::BTreeMap;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::Arc;
 
 /// What drives a vehicle for which a class makes no object.
 const USUAL: &str = "idm";
@@ -17,40 +19,28 @@ pub struct PythonDrivers {
     trouble: Trouble,
 }
 
-/// The first exception that a driver has raised.
-#[derive(Clone, Debug, Default)]
-struct Trouble(Arc<Mutex<Option<PyErr>>>);
-
-impl Trouble {
-    fn keep(&self, error: PyErr) {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner).get_or_insert(error);
-    }
-}
-
 impl PythonDrivers {
     pub fn new(by_name: BTreeMap<String, Py<PyAny>>) -> Self {
         let by_name = by_name.into_iter().map(|(name, make)| (name, Arc::new(make))).collect();
         Self { by_name, trouble: Trouble::default() }
     }
 
-    /// The drivers that every scenario knows, and these.
-    pub fn beside_standard(&self) -> Drivers {
-        let mut drivers = Drivers::standard();
-        for (name, make) in &self.by_name {
-            let (make, trouble) = (Arc::clone(make), self.trouble.clone());
-            drivers = drivers.with_each(name, move |vehicle, params| {
+    /// These drivers beside others; they obey ordered accelerations.
+    pub fn beside(&self, others: Drivers, commanded: &CommandedAccelerations) -> Drivers {
+        self.by_name.iter().fold(others, |drivers, (name, make)| {
+            let (make, trouble, commanded) = (Arc::clone(make), self.trouble.clone(), commanded.clone());
+            drivers.with_each(name, move |vehicle, params| {
                 let made = Python::attach(|py| make.call1(py, (vehicle.0, parameters(py, &params)?)));
                 let object = made.map_err(|error| trouble.keep(error)).ok();
                 let is_none = |object: &Py<PyAny>| Python::attach(|py| object.is_none(py));
-                if object.as_ref().is_some_and(is_none)
-                    && let Some(usual) = controller(USUAL, params)
-                {
-                    return usual;
-                }
-                Box::new(PythonDriver { vehicle, params, object, trouble: trouble.clone() })
-            });
-        }
-        drivers
+                let usual =
+                    object.as_ref().filter(|object| is_none(object)).and_then(|_| controller(USUAL, params));
+                let own = usual.unwrap_or_else(|| {
+                    Box::new(PythonDriver { vehicle, params, object, trouble: trouble.clone() })
+                });
+                commanded.obeying(own, (vehicle, params))
+            })
+        })
     }
 
     /// Raises what a driver has raised since the last call.
@@ -58,8 +48,7 @@ impl PythonDrivers {
     /// # Errors
     /// That exception.
     pub fn raise(&self) -> PyResult<()> {
-        let trouble = self.trouble.0.lock().unwrap_or_else(PoisonError::into_inner).take();
-        trouble.map_or(Ok(()), Err)
+        self.trouble.raise()
     }
 }
 

@@ -1,10 +1,10 @@
 //! States of vehicles as rows of numbers.
 
-use city3d_protocol::snapshot::{FrameSnapshot, Status, VehicleState};
+use city3d_protocol::snapshot::{Dimensions, FrameSnapshot, Status, VehicleState};
 
 /// Names of the columns of a state, with their units. Full-scale SI units, x to the east and y to the north of the city's
 /// middle; angles counter-clockwise from the east.
-pub const COLUMNS: [&str; 20] = [
+pub const COLUMNS: [&str; 21] = [
     "id",
     "x_m",
     "y_m",
@@ -24,6 +24,7 @@ pub const COLUMNS: [&str; 20] = [
     "distance_m",
     "length_m",
     "width_m",
+    "front_axle_m",
     "status",
 ];
 
@@ -36,12 +37,12 @@ pub fn statuses() -> Vec<&'static str> {
 pub fn rows(snapshot: &FrameSnapshot) -> Vec<f64> {
     let mut values = Vec::with_capacity(COLUMNS.len() * snapshot.vehicles.len());
     for (state, info) in snapshot.iter() {
-        values.extend(row(state, [info.dimensions.length_m, info.dimensions.width_m]));
+        values.extend(row(state, &info.dimensions));
     }
     values
 }
 
-fn row(state: &VehicleState, [length_m, width_m]: [f64; 2]) -> [f64; COLUMNS.len()] {
+fn row(state: &VehicleState, dimensions: &Dimensions) -> [f64; COLUMNS.len()] {
     [
         f64::from(state.id.0),
         state.position.x,
@@ -60,8 +61,9 @@ fn row(state: &VehicleState, [length_m, width_m]: [f64; 2]) -> [f64; COLUMNS.len
         f64::from(u8::from(state.reverse)),
         state.lateral_error_m,
         state.distance_m,
-        length_m,
-        width_m,
+        dimensions.length_m,
+        dimensions.width_m,
+        dimensions.front_axle_m(),
         f64::from(state.status as u8),
     ]
 }

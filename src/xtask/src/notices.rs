@@ -1,4 +1,4 @@
-//! Third-party notices: the crates that the program consists of, with their copyright lines and licence texts.
+//! Third-party notices: the crates that the program and the Python package consist of, with their copyright lines and licence texts.
 
 use serde_json::Value;
 use std::collections::{BTreeMap, BTreeSet};
@@ -11,9 +11,9 @@ pub const FILE: &str = "THIRD-PARTY-NOTICES.txt";
 const HEADING: &str = "\
 Third-party software in City3D
 
-City3D is licensed under MIT or Apache-2.0, at your option. The program contains the crates, fonts and C libraries below
-and the Rust standard library (Copyright The Rust Project Contributors, MIT OR Apache-2.0). Where a licence may be chosen,
-MIT is. `cargo xtask generate notices` writes this file.
+City3D is licensed under MIT or Apache-2.0, at your option. The program and the Python package contain crates, fonts and C
+libraries of those below, and the Rust standard library (Copyright The Rust Project Contributors, MIT OR Apache-2.0). Where
+a licence may be chosen, MIT is. `cargo xtask generate notices` writes this file.
 ";
 
 const MIT: &str = "\
@@ -54,7 +54,7 @@ impl ShippedCrate {
     }
 }
 
-/// Crates of the program on Linux by normal dependencies, without those that only run in the compiler.
+/// Crates of the program and of the Python package on Linux by normal dependencies, without those that only run in the compiler.
 ///
 /// # Errors
 /// When `cargo metadata` fails; it needs no network where the program was built.
@@ -73,9 +73,12 @@ pub fn shipped_crates(root: &Path) -> Result<BTreeSet<ShippedCrate>, String> {
     let packages: BTreeMap<&str, &Value> = packages.collect();
     let nodes = list(&metadata["resolve"]["nodes"]).map(|node| (text(&node["id"]), node));
     let nodes: BTreeMap<&str, &Value> = nodes.collect();
-    let is_program = |package: &&&Value| package["name"] == "city3d" && package["source"].is_null();
-    let program = packages.values().find(is_program).ok_or("there is no package city3d")?;
-    let (mut open, mut known) = (vec![text(&program["id"])], BTreeSet::new());
+    let of_name = |name: &str| {
+        let is_it = |package: &&&Value| package["name"] == name && package["source"].is_null();
+        let package = packages.values().find(is_it).ok_or(format!("there is no package {name}"))?;
+        Ok::<_, String>(text(&package["id"]))
+    };
+    let (mut open, mut known) = (vec![of_name("city3d")?, of_name("city3d-python")?], BTreeSet::new());
     while let Some(id) = open.pop() {
         let (Some(package), Some(node)) = (packages.get(id), nodes.get(id)) else { continue };
         if is_proc_macro(package) || !known.insert(id) {

@@ -21,7 +21,7 @@ pub use city3d_protocol::snapshot::{
 pub use measured::{Measured, UNSEEN_AFTER_S};
 pub use pedals::pedals;
 pub use raycast::RaycastCar;
-pub use tracker::{Tracker, Tracking};
+pub use tracker::{Tracker, Tracking, throttle_for_acceleration};
 pub use wheels::set_wheels;
 
 use crate::physics::{BodyId, Impetus, Physics};

@@ -372,6 +372,14 @@ fn stanley(spec: &VehicleSpec, motion: &Motion, nearest: &NearestPoint, forward:
         - gains.k_y * (motion.yaw_rate_radps - desired_yaw_rate)
 }
 
+/// Throttle in [-1, 1] that accelerates a vehicle as wanted, m/s2 along its heading, at its present steering angle: feed-forward
+/// by the inverse model of its power balance.
+pub fn throttle_for_acceleration(spec: &VehicleSpec, motion: &Motion, wanted_mps2: f64) -> f64 {
+    let cos = trig::cos(motion.steering_rad).max(0.1);
+    let front = FrontAxle { along_mps: motion.speed_mps / cos, steering_rate_radps: 0.0 };
+    throttle_for(spec, motion, &front, wanted_mps2 / cos)
+}
+
 /// Throttle for a desired acceleration of the front axle along its path: inverse model of the vehicle's power
 /// balance (feed-forward).
 ///

@@ -2,7 +2,9 @@
 
 use crate::rig::{DT, MODELS, Rig, brake, gas, spec};
 use city3d_dynamics::physics::Physics;
-use city3d_dynamics::vehicle::{Actuation, Drive, Dynamics, ModelKind, VehicleModel, VehicleSpec};
+use city3d_dynamics::vehicle::{
+    Actuation, Drive, Dynamics, ModelKind, VehicleModel, VehicleSpec, throttle_for_acceleration,
+};
 use city3d_geometry::{LengthScale, Pose2, trig};
 use glam::DVec2;
 
@@ -77,6 +79,29 @@ fn top_speed_follows_from_power_and_drag() {
 }
 
 /// The front axle's track at the stop of the steering has the radius L / sin(limit).
+#[test]
+fn the_throttle_for_an_acceleration_gives_it_on_straights_and_in_bends() {
+    for model in MODELS {
+        for (speed, steering_rad, wanted) in [(5.0, 0.0, 1.0), (8.0, 0.0, -2.0), (5.0, 0.15, 1.0)] {
+            let mut rig = Rig::new(spec(model), Pose2::new(0.0, 0.0, 0.0), speed);
+            // The steering gets where it is to be, and the tyres settle.
+            for _ in 0..100 {
+                let throttle = throttle_for_acceleration(&rig.spec, &rig.motion, 0.0);
+                let (gas, brake) = (throttle.max(0.0), (-throttle).max(0.0));
+                rig.drive(&Actuation { gas, brake, steering_rad, ..Actuation::default() });
+            }
+            let before = rig.motion.speed_mps;
+            for _ in 0..100 {
+                let throttle = throttle_for_acceleration(&rig.spec, &rig.motion, wanted);
+                let (gas, brake) = (throttle.max(0.0), (-throttle).max(0.0));
+                rig.drive(&Actuation { gas, brake, steering_rad, ..Actuation::default() });
+            }
+            let gained = rig.motion.speed_mps - before;
+            assert!((gained - wanted).abs() < 0.1, "{model:?} {speed} {steering_rad}: {gained} in a second");
+        }
+    }
+}
+
 #[test]
 fn the_turning_circle_follows_from_the_steering_limit() {
     for model in MODELS {

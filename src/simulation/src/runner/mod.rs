@@ -32,8 +32,9 @@ use crate::scenario::Experiment;
 use crate::sim::World;
 use crate::testbed::{ExperimentClock, Testbed};
 use city3d_control::{Mainframe, SetupError};
-use city3d_protocol::snapshot::{FrameSnapshot, SimCommand, Status};
+use city3d_protocol::snapshot::{FrameSnapshot, SimCommand, Status, VehicleId};
 use city3d_protocol::wire::{Measurement, Message};
+use std::collections::BTreeSet;
 use std::sync::Arc;
 
 /// One run of an experiment in lockstep.
@@ -64,6 +65,8 @@ pub struct Run {
     commands: Vec<SimCommand>,
     /// External commands for the next tick.
     injected: Vec<SimCommand>,
+    /// Vehicles whose trajectories come from outside.
+    withheld: BTreeSet<VehicleId>,
     delivered: Vec<Message>,
     /// Emulates the physical vehicles, where there are any.
     testbed: Option<Testbed>,
@@ -86,6 +89,7 @@ impl Run {
             control,
             commands: Vec::new(),
             injected: vec![SimCommand::Start],
+            withheld: BTreeSet::new(),
             delivered: Vec::new(),
             testbed,
             measured: Vec::new(),
@@ -100,6 +104,7 @@ impl Run {
             control,
             commands: Vec::new(),
             injected: Vec::new(),
+            withheld: BTreeSet::new(),
             delivered: Vec::new(),
             testbed: None,
             measured: Vec::new(),
@@ -116,7 +121,18 @@ impl Run {
         self.measured.clear();
         self.world.tick_into(&[SimCommand::Reset], &mut self.snapshot);
         self.injected = vec![SimCommand::Start];
+        self.withheld.clear();
         Ok(())
+    }
+
+    /// From now on a vehicle does not get the trajectories of the control framework, because others come for it by
+    /// [`Self::inject`], or gets them again. The control framework goes on to plan for it. A reset ends it.
+    pub fn withhold(&mut self, vehicle: VehicleId, is_withheld: bool) {
+        if is_withheld {
+            self.withheld.insert(vehicle);
+        } else {
+            self.withheld.remove(&vehicle);
+        }
     }
 
     /// Adds a command to those of the next tick, after the ones of the control framework.
@@ -134,6 +150,11 @@ impl Run {
         let seen = self.snapshot.vehicles.iter().filter(|state| state.status != Status::Unseen);
         let seen = seen.map(|state| Measurement::of(state, now.1, scale));
         self.control.step(now, seen, &mut self.delivered);
+        if !self.withheld.is_empty() {
+            let withheld = &self.withheld;
+            let is_withheld = |message: &Message| matches!(message, Message::Follow(trajectory) if withheld.contains(&trajectory.vehicle));
+            self.delivered.retain(|message| !is_withheld(message));
+        }
         self.commands.extend(self.measured.drain(..).map(|pose| pose.into_command(scale)));
         if let Some(testbed) = &mut self.testbed {
             testbed.set_clock(ExperimentClock { time_s: now.1, is_running: true });

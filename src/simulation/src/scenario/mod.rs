@@ -43,5 +43,5 @@ pub use route_data::{
     ArrivalData, ConflictKind, LaneConflict, LaneData, RouteBody, RouteConflict, RouteData, RouteLane,
     RoutePassage, RoutePoint, RouteStart, VehicleRoute, Way, WayConflict, lane_conflicts, lane_data,
 };
-pub use source::{Library, SourceError, shipped_scenarios};
+pub use source::{Library, MapCache, SourceError, shipped_scenarios};
 pub use time_of_day::TimeOfDay;

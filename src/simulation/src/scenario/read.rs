@@ -209,7 +209,7 @@ pub fn read_experiment(
             return Err(fail(problems));
         }
     };
-    let map = library.built_map(&map_bytes).map_err(|errors| ScenarioError::Map {
+    let map = library.load_map(&map_bytes).map_err(|errors| ScenarioError::Map {
         file: map_name.to_owned(),
         problems: errors.listed.iter().map(ToString::to_string).collect(),
     })?;

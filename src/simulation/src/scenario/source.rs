@@ -4,7 +4,7 @@ use super::fields::did_you_mean;
 use city3d_control::coordination::Coordinators;
 use city3d_control::{Algorithms, Drivers};
 use city3d_roadmap::{LabMap, MapErrors, load_map};
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, VecDeque};
 use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -122,13 +122,31 @@ pub struct Library {
     folder: PathBuf,
     algorithms: Algorithms,
     kept: Option<Arc<Kept>>,
-    built: Arc<BuiltMap>,
+    maps: MapCache,
 }
 
-/// The last map that was built from a drawing: the runs of a study have the same one, and building it takes longer than all
-/// else that starts a run.
-#[derive(Debug, Default)]
-struct BuiltMap(Mutex<Option<(Vec<u8>, Arc<LabMap>)>>);
+/// A cache of maps, for programs that read many scenarios: finding the conflict zones of a map takes longer than the rest of a
+/// scenario. The least recently loaded one makes room.
+#[derive(Clone, Debug, Default)]
+pub struct MapCache(Arc<Mutex<VecDeque<(Vec<u8>, Arc<LabMap>)>>>);
+
+/// Most maps that are kept.
+const MOST_LOADED: usize = 4;
+
+impl MapCache {
+    /// The map of a drawing's bytes: one that has been loaded from the same bytes, or a new one.
+    fn load(&self, bytes: &[u8]) -> Result<Arc<LabMap>, MapErrors> {
+        // Whoever comes while it is being loaded waits for it.
+        let mut all = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some((_, known)) = all.iter().find(|(of, _)| of == bytes) {
+            return Ok(Arc::clone(known));
+        }
+        let map = Arc::new(load_map(bytes)?.map);
+        all.truncate(MOST_LOADED - 1);
+        all.push_front((bytes.to_vec(), Arc::clone(&map)));
+        Ok(map)
+    }
+}
 
 #[derive(Debug)]
 struct Kept {
@@ -160,6 +178,18 @@ impl Library {
     pub fn with_coordinators(mut self, coordinators: Coordinators) -> Self {
         self.algorithms.coordinators = coordinators;
         self
+    }
+
+    /// The library with a cache of maps, which several libraries may share.
+    #[must_use]
+    pub fn with_map_cache(mut self, cache: MapCache) -> Self {
+        self.maps = cache;
+        self
+    }
+
+    /// The map of a drawing's bytes. Those of its scenarios are kept: the runs of a study have one map.
+    pub(super) fn load_map(&self, bytes: &[u8]) -> Result<Arc<LabMap>, MapErrors> {
+        self.maps.load(bytes)
     }
 
     /// The algorithms that a scenario may name.
@@ -249,20 +279,6 @@ impl Library {
             names: MAPS.map(|(name, _)| name).join(", "),
         })
     }
-
-    /// The map of a drawing, built anew only where the last one was of other bytes.
-    pub(super) fn built_map(&self, drawing: &[u8]) -> Result<Arc<LabMap>, MapErrors> {
-        // Whoever comes while it is being built waits for it.
-        let mut built = self.built.0.lock().unwrap_or_else(PoisonError::into_inner);
-        match &*built {
-            Some((bytes, map)) if bytes == drawing => Ok(Arc::clone(map)),
-            _ => {
-                let map = Arc::new(load_map(drawing)?.map);
-                *built = Some((drawing.to_vec(), Arc::clone(&map)));
-                Ok(map)
-            }
-        }
-    }
 }
 
 /// The error for a file of another kind than scenarios, where its first bytes tell it.
@@ -320,6 +336,23 @@ fn read(path: &Path, kind: &'static str, most: u64) -> Result<Vec<u8>, SourceErr
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_map_of_the_cache_is_the_one_that_is_loaded() {
+        let cache = MapCache::default();
+        let (plain, cached) = (Library::default(), Library::default().with_map_cache(cache.clone()));
+        for name in ["merge", "crossing", "merge"] {
+            let bytes = plain.map(name).unwrap();
+            assert_eq!(cached.load_map(&bytes).unwrap(), plain.load_map(&bytes).unwrap(), "{name}");
+        }
+        let count = || cache.0.lock().unwrap().len();
+        assert_eq!(count(), 2, "each is loaded once");
+        assert!(cached.load_map(b"no drawing").is_err());
+        for name in ["road", "corridor", "ids3c"] {
+            cached.load_map(&plain.map(name).unwrap()).unwrap();
+        }
+        assert_eq!(count(), MOST_LOADED);
+    }
 
     #[test]
     #[allow(clippy::disallowed_types, reason = "a file of which only the size matters")]

@@ -356,3 +356,22 @@ fn a_parked_vehicle_stays_and_others_stop_behind_it() {
         assert_ne!(follower.status, Status::Collided);
     }
 }
+
+#[test]
+fn a_vehicle_whose_trajectories_are_withheld_loses_its_link_until_it_gets_them_again() {
+    let mut run = shipped("roundabout", ModelKind::Raycast);
+    let (one, other) = (VehicleId(4), VehicleId(1));
+    go_on(&mut run, 1);
+    run.withhold(one, true);
+    go_on(&mut run, 4);
+    assert_eq!(state(&run, one).status, Status::LinkLost);
+    assert!(state(&run, one).speed_mps < 0.1, "it has braked to a stand");
+    assert_ne!(state(&run, other).status, Status::LinkLost);
+    run.withhold(one, false);
+    go_on(&mut run, 4);
+    assert!(state(&run, one).speed_mps > 1.0, "it drives on");
+    run.withhold(one, true);
+    run.reset().unwrap();
+    go_on(&mut run, 4);
+    assert_eq!(state(&run, one).status, Status::Driving, "a reset ends it");
+}
