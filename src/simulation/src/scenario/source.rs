@@ -128,7 +128,13 @@ pub struct Library {
 /// A cache of maps, for programs that read many scenarios: finding the conflict zones of a map takes longer than the rest of a
 /// scenario. The least recently loaded one makes room.
 #[derive(Clone, Debug, Default)]
-pub struct MapCache(Arc<Mutex<VecDeque<(Vec<u8>, Arc<LabMap>)>>>);
+pub struct MapCache(Arc<Mutex<VecDeque<LoadedMap>>>);
+
+#[derive(Debug)]
+struct LoadedMap {
+    drawing: Vec<u8>,
+    map: Arc<LabMap>,
+}
 
 /// Most maps that are kept.
 const MOST_LOADED: usize = 4;
@@ -138,12 +144,12 @@ impl MapCache {
     fn load(&self, bytes: &[u8]) -> Result<Arc<LabMap>, MapErrors> {
         // Whoever comes while it is being loaded waits for it.
         let mut all = self.0.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some((_, known)) = all.iter().find(|(of, _)| of == bytes) {
-            return Ok(Arc::clone(known));
+        if let Some(known) = all.iter().find(|loaded| loaded.drawing == bytes) {
+            return Ok(Arc::clone(&known.map));
         }
         let map = Arc::new(load_map(bytes)?.map);
         all.truncate(MOST_LOADED - 1);
-        all.push_front((bytes.to_vec(), Arc::clone(&map)));
+        all.push_front(LoadedMap { drawing: bytes.to_vec(), map: Arc::clone(&map) });
         Ok(map)
     }
 }

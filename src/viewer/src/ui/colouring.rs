@@ -2,7 +2,7 @@
 
 use super::{Preferences, ViewModel, theme};
 use city3d_geometry::{KMH_PER_MPS, LengthScale};
-use city3d_protocol::snapshot::{VehicleId, VehicleState};
+use city3d_protocol::snapshot::{Status, VehicleId, VehicleState};
 use egui::{Color32, Context};
 use serde::{Deserialize, Serialize};
 
@@ -43,6 +43,8 @@ impl ColourBy {
         match self {
             Self::Status => theme::on_picture(context, vehicle.status),
             Self::Speed => scale(vehicle.speed_mps.abs() * KMH_PER_MPS / FASTEST_KMH),
+            // Who has arrived waits for nothing.
+            Self::Waiting if vehicle.status == Status::Finished => scale(0.0),
             Self::Waiting => scale(shown.traffic.tracks().waits_s(vehicle.id) / LONGEST_S),
         }
     }

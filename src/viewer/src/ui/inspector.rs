@@ -366,7 +366,8 @@ fn rest(
             let names: Vec<&str> =
                 ahead.iter().take(LISTED_LANES).map(|lane| shown.map.lane(*lane).name.as_str()).collect();
             let more = if ahead.len() > LISTED_LANES { ", ..." } else { "" };
-            format!("{left_m:.0} m left: {}{more}", names.join(", "))
+            let then = if names.is_empty() { " on this lane" } else { ": " };
+            format!("{left_m:.0} m left{then}{}{more}", names.join(", "))
         }
     };
     ui.label(RichText::new("Route").weak());

@@ -1,7 +1,7 @@
 //! Two runs side by side: by the measures of their summaries, and by the curves of their vehicles in one chart.
 
-use super::super::charts;
 use super::super::{Preferences, SpeedUnit, UiAction, UiState, ViewModel};
+use super::super::{charts, traffic};
 use super::{FilePurpose, RunEntry};
 use city3d_geometry::LengthScale;
 use city3d_logbook::figures::Quantity;
@@ -221,7 +221,12 @@ fn table(
             let (unit, factor, digits) = shown_in(pair, preferences.units, scale);
             let unit = if unit.is_empty() { String::new() } else { format!(", {unit}") };
             let of = pair.vehicle.as_ref().map_or_else(String::new, |name| format!("{name}: "));
-            line.col(|ui| _ = ui.label(format!("{of}{}{unit}", pair.quantity)));
+            line.col(|ui| {
+                let named = ui.label(format!("{of}{}{unit}", pair.quantity));
+                if let Some(tip) = tip_of(pair.quantity) {
+                    named.on_hover_text(tip);
+                }
+            });
             for value in pair.values {
                 let text =
                     value.map_or_else(|| "-".to_owned(), |value| decimal.fixed(value * factor, digits));
@@ -234,6 +239,26 @@ fn table(
             });
         });
     });
+}
+
+/// What a measure is.
+fn tip_of(quantity: &str) -> Option<&'static str> {
+    match quantity {
+        "slow stops" => Some(traffic::STOPS),
+        "time in slow stops, all together" => {
+            Some("From below 0.5 m/s until above 1 m/s, of vehicles on their routes, also where these end")
+        }
+        "mean delay" => Some(traffic::DELAY),
+        "least time to collision" => {
+            Some("Gap to the leader over the speed at which it closes (Hayward 1972); the least of the run")
+        }
+        "least post-encroachment time" => Some(
+            "From when one vehicle has left a conflict zone until the next one enters it; 0 or less where both were in it, \
+             which is no collision by itself",
+        ),
+        "least gap" => Some("From bumper to bumper to the leader on the same way"),
+        _ => None,
+    }
 }
 
 /// The difference of two values as they are written, so that the three numbers of a row agree.

@@ -6,7 +6,7 @@ use super::RunAgain;
 use super::fields::{environment, seed};
 use city3d_logbook::figures::some_names;
 use city3d_logbook::measures::RunMeasures;
-use city3d_protocol::snapshot::Status;
+use city3d_protocol::snapshot::{Status, VehicleInfo, VehicleState};
 use city3d_session::{Order, RunPhase};
 use city3d_simulation::environment::EnvironmentProfile;
 use city3d_simulation::measures::TrafficMeasures;
@@ -114,7 +114,11 @@ pub(super) fn window(ui: &Ui, state: &mut UiState, shown: &ViewModel<'_>, action
         // Beyond the end the numbers of the zones are no longer those of the result.
         let zones = (is_over && is_live).then(|| shown.traffic.measures());
         results(ui, &measures, (&mean_speed, decimal), zones);
-        if is_live && run_state.now.vehicles.iter().any(|vehicle| vehicle.status == Status::Collided) {
+        let lies = |vehicle: &&VehicleState| {
+            let is_physical = run_state.now.info(vehicle.id).is_some_and(VehicleInfo::is_physical);
+            vehicle.status == Status::Collided && !is_physical
+        };
+        if is_live && run_state.now.vehicles.iter().any(|vehicle| lies(&vehicle)) {
             ui.label("Vehicles that have collided stay where they are: a new run puts all of them back.");
         }
         ui.add_space(4.0);
@@ -163,6 +167,9 @@ fn measures(shown: &ViewModel<'_>) -> Option<RunMeasures> {
 /// How often vehicles stood, as the events count it.
 const STANDSTILLS: &str = "Standstills (< 0.1 m/s)";
 
+/// How long a vehicle stood at most.
+const LONGEST_STAND: &str = "Longest stand (< 0.1 m/s)";
+
 /// What a measure is, in the words of the panel Traffic.
 fn tip_of(name: &str) -> Option<&'static str> {
     match name {
@@ -173,6 +180,9 @@ fn tip_of(name: &str) -> Option<&'static str> {
         ),
         "Mean speed" => Some(
             "Distance over the time in the city, mean over the vehicles: one that has arrived and stays slows it",
+        ),
+        LONGEST_STAND => Some(
+            "Of any vehicle on its way: faster than 0.1 m/s for a moment ends it, and who has arrived does not count",
         ),
         "Throughput" => Some(traffic::FLOW),
         "Mean delay" => Some(traffic::DELAY),
@@ -220,7 +230,7 @@ fn results(
         row("Mean delay", delay, false);
         if let Some(vehicle) = longest.filter(|vehicle| vehicle.longest_stand_s >= 0.1) {
             row(
-                "Longest stand (< 0.1 m/s)",
+                LONGEST_STAND,
                 format!("{} s, {}", decimal.fixed(vehicle.longest_stand_s, 1), vehicle.name),
                 false,
             );
