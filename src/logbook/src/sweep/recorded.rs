@@ -104,7 +104,7 @@ fn parse(text: &str) -> Result<(Vec<Axis>, Vec<SweepRow>), String> {
     let cells = axes.iter().map(|axis| axis.values.len()).product::<usize>();
     let combinations: BTreeSet<Vec<&str>> =
         rows.iter().map(|row| row.iter().take(keys.len()).collect()).collect();
-    if rows.is_empty() || combinations.len() != cells || rows.len() % cells != 0 {
+    if rows.is_empty() || combinations.len() != cells || !rows.len().is_multiple_of(cells) {
         return Err(format!("it has {} rows, which is no whole grid", rows.len()));
     }
     Ok((axes, rows))
