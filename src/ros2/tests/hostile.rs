@@ -53,7 +53,7 @@ impl Hostile {
         self.socket.send_to(&datagram, ("127.0.0.1", 7410 + 250 * domain())).unwrap();
         // More at a time than the socket of the node holds would not come.
         self.sent.set(self.sent.get() + 1);
-        if self.sent.get() % 32 == 0 {
+        if self.sent.get().is_multiple_of(32) {
             std::thread::sleep(Duration::from_millis(1));
         }
     }
@@ -111,7 +111,7 @@ fn gap((reader, writer): ([u8; 4], [u8; 4]), from: i64, until: i64) -> Vec<u8> {
 
 /// Asks for the last fragments that can be numbered, and for fragment 0.
 fn fragment_request(reader: [u8; 4], writer: [u8; 4], count: u32) -> Vec<u8> {
-    let base = if count % 2 == 0 { 0_u32 } else { 1 << 31 };
+    let base = if count.is_multiple_of(2) { 0_u32 } else { 1 << 31 };
     let fragments = [&base.to_le_bytes()[..], &256_u32.to_le_bytes(), &[0xff; 32]].concat();
     submessage(0x12, 0, &[&reader[..], &writer, &number(1), &fragments, &count.to_le_bytes()].concat())
 }

@@ -342,7 +342,7 @@ mod tests {
     #[test]
     fn columns_of_the_table_are_known_by_their_names() {
         let known = |name: &&str| *name == "seed" || COLUMNS.contains(name);
-        assert!(WORDS.iter().chain(&COUNTS).all(|name| known(name)));
+        assert!(WORDS.iter().chain(&COUNTS).all(known));
     }
 
     #[test]
