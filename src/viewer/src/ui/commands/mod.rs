@@ -27,6 +27,13 @@ use city3d_session::Order;
 use city3d_session::playback::PlaybackCommand;
 use egui::{Context, Key, Modifiers};
 
+/// Place of an action in a series.
+#[derive(Clone, Copy, Debug)]
+struct Numbered {
+    number: u8,
+    is_listed: fn(&UiState, u8) -> bool,
+}
+
 /// An action of the window.
 #[derive(Clone, Copy, Debug)]
 pub struct Command {
@@ -43,7 +50,7 @@ pub struct Command {
     scope: Scope,
     is_fixed: bool,
     /// Its number where it is one of a series of actions, and whether the palette lists it before the number is typed.
-    series: Option<(u8, fn(&UiState, u8) -> bool)>,
+    series: Option<Numbered>,
     is_available: fn(&UiState, &ViewModel<'_>) -> Availability,
     run: fn(&mut CommandContext<'_, '_>),
 }
@@ -219,7 +226,7 @@ impl Command {
 
     /// The same, but one of a series by this number, which the palette lists where the function says so or the number is typed.
     const fn numbered(self, number: u8, is_listed: fn(&UiState, u8) -> bool) -> Self {
-        Self { series: Some((number, is_listed)), ..self }
+        Self { series: Some(Numbered { number, is_listed }), ..self }
     }
 
     /// The same, but with a key that dialogs know too, so that it stays.
@@ -239,7 +246,7 @@ impl Command {
 
     /// Whether the palette lists it for these words: of a series of actions not all, unless their numbers are typed.
     pub(super) fn is_listed(&self, state: &UiState, words: &str) -> bool {
-        self.series.is_none_or(|(number, is_listed)| {
+        self.series.is_none_or(|Numbered { number, is_listed }| {
             is_listed(state, number) || words.split_whitespace().any(|word| word == number.to_string())
         })
     }
