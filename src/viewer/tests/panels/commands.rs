@@ -398,7 +398,7 @@ fn a_time_lapse_is_begun_and_ended_by_the_palette() {
     };
     let lapse = UiAction::Video(time_lapse().request);
     for words in ["time-lapse", "timelapse", "lapse"] {
-        assert_eq!(chosen(words, None), [lapse.clone()], "{words}");
+        assert_eq!(chosen(words, None), std::slice::from_ref(&lapse), "{words}");
     }
     let end = VideoRequest { subject: VideoSubject::Window, kind: VideoKind::AsSeen };
     for words in ["time-lapse", "timelapse", "lapse", "stop recording", "end video"] {
