@@ -342,7 +342,7 @@ pub(super) fn show(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>, acti
         ui.label(RichText::new(nothing(shown)).weak());
         return;
     }
-    if let Some(mark) = list(ui, (&marks, is_held && was_held), state, shown) {
+    if let Some(mark) = list(ui, (marks.as_slice(), is_held && was_held), state, shown) {
         go_to(&mark, state, actions);
     }
 }

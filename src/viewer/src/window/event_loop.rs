@@ -319,12 +319,15 @@ impl OpenWindow {
         self.tell_of_videos();
         let textures = self.painter.textures();
         let input = self.input.take_egui_input(&self.window);
+        // A message, such as that of a video, is no part of what a screenshot shows.
+        let said = if self.wants_shot { self.viewer.state.notice.take() } else { None };
         let (viewer, frames_per_s) = (&mut self.viewer, 1.0 / self.interval_s.max(1e-3));
         let mut actions = Vec::new();
         // A panic of the window system may unwind from here: textures that nobody took would make that two.
         let output = ManuallyDrop::new(
             self.egui.run_ui(input, |ui| actions.extend(viewer.pass(ui, &textures, frames_per_s))),
         );
+        self.viewer.state.notice = self.viewer.state.notice.take().or(said);
         self.input.handle_platform_output(&self.window, output.platform_output.clone());
         let repaint =
             output.viewport_output.get(&egui::ViewportId::ROOT).map(|viewport| viewport.repaint_delay);
@@ -527,7 +530,7 @@ impl OpenWindow {
 
     /// An unused name in the folder of the run for a file that shows the present moment.
     fn unused_file(&self, ending: &str) -> std::path::PathBuf {
-        let (scenario, time_s) = (&self.viewer.experiment().name, self.viewer.interpolated().time_s);
+        let (scenario, time_s) = (&self.viewer.experiment().name, self.viewer.clock_s());
         unused(&self.viewer.files_folder(), &name_of_moment(scenario, time_s), ending)
     }
 

@@ -117,6 +117,8 @@ pub struct ViewerState {
     pub video: Option<VideoStatus>,
     traffic: LiveTraffic,
     interpolated: FrameSnapshot,
+    /// Time of the state that the numbers show, simulated seconds.
+    clock_s: f64,
     scenarios: Vec<ScenarioChoice>,
     /// Description of what is being loaded.
     pub loading: Option<String>,
@@ -223,6 +225,7 @@ impl ViewerState {
             history: RunHistory::default(),
             past: PastPlayer::default(),
             video: None,
+            clock_s: interpolated.time_s,
             interpolated,
             scenarios: shipped_scenarios().map(choice).collect(),
             loading: None,
@@ -382,20 +385,14 @@ impl ViewerState {
         }
         let is_present = !self.past.is_past() && !self.edits;
         run_state = self.with_shown_statuses(run_state, is_present);
+        self.clock_s = run_state.now.time_s;
         let past = PastView { head: self.past.head(&live, &self.history), is_shown: self.past.is_past() };
         self.interpolated.blend(&run_state.before, &run_state.now, weight);
         let told = self.player().map(|player| (player.head(), player.is_late(), player.info()));
         let replay = told.as_ref().map(|(head, is_late, told)| {
             let LogInfo { marks, searched, truncation } = told;
-            let name = &self.experiment.name;
-            ReplayView {
-                name,
-                head: *head,
-                is_late: *is_late,
-                marks,
-                searched: *searched,
-                truncation: truncation.as_deref(),
-            }
+            let (name, truncation) = (&self.experiment.name, truncation.as_deref());
+            ReplayView { name, head: *head, is_late: *is_late, marks, searched: *searched, truncation }
         });
         let log = run_state.folder.as_ref().map(|folder| format!("log {}   ", folder.display()));
         self.footer = format!("{}{}", log.unwrap_or_default(), self.adapter);

@@ -60,6 +60,24 @@ fn the_form_changes_the_selected_vehicle() {
 }
 
 #[test]
+fn a_lane_that_is_added_to_a_route_comes_into_sight() {
+    let mut desk = editing();
+    let lanes: Vec<String> = map().lanes.iter().take(30).map(|lane| lane.name.clone()).collect();
+    desk.edit.as_mut().unwrap().vehicles[1].route = lanes[..29].to_vec();
+    let mut harness = harness(desk);
+    harness.run_steps(4);
+    let list = harness.get_by_label("Remove").rect();
+    let bottom = |harness: &Harness<'static, Desk>, lane: &str| {
+        harness.get_all_by_label(lane).map(|row| row.rect().bottom()).fold(f32::MIN, f32::max)
+    };
+    assert!(bottom(&harness, &lanes[28]) > 720.0, "the list is long: {list:?}");
+    harness.state_mut().edit.as_mut().unwrap().vehicles[1].route = lanes.clone();
+    harness.run_steps(60);
+    let at = bottom(&harness, &lanes[29]);
+    assert!((list.bottom()..720.0).contains(&at), "{at}");
+}
+
+#[test]
 fn the_bar_names_the_file_that_is_edited() {
     let mut harness = harness(editing());
     assert!(harness.query_by_value("straight").is_none(), "it is saved as another one");

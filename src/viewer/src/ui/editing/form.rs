@@ -233,20 +233,27 @@ fn cameras(ui: &mut Ui, vehicle: &StatedVehicle) -> Option<VehicleEdit> {
 fn route(
     ui: &mut Ui,
     vehicle: &StatedVehicle,
-    state: &UiState,
+    state: &mut UiState,
     shown: &ViewModel<'_>,
 ) -> Option<VehicleEdit> {
     ui.add_space(4.0);
     ui.label("Route: these lanes, joined by the shortest ways");
     let mut removed = None;
+    // One that was added by a click in the city may be below what is in sight.
+    let last = vehicle.route.len().saturating_sub(1);
+    let has_grown = state.editing.shown_route.is_some_and(|(id, lanes)| id == vehicle.id && lanes <= last);
+    state.editing.shown_route = Some((vehicle.id, vehicle.route.len()));
     for (k, lane) in vehicle.route.iter().enumerate() {
-        ui.horizontal(|ui| {
+        let row = ui.horizontal(|ui| {
             let remove = ui.add_enabled(k > 0, Button::new("x").small());
             if remove.on_hover_text("Take this lane out of the route").clicked() {
                 removed = Some(k);
             }
             ui.add(egui::Label::new(lane).truncate()).on_hover_text(lane);
         });
+        if has_grown && k == last {
+            row.response.scroll_to_me(None);
+        }
         let before = k.checked_sub(1).map(|before| vehicle.route[before].as_str());
         if let Some(detour) = before.and_then(|before| Detour::between(shown.map, before, lane)) {
             let words = format!("\u{26a0} {}", detour.words(state.preferences.decimal));

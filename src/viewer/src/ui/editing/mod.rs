@@ -130,6 +130,8 @@ pub struct EditState {
     name: Option<(VehicleId, String)>,
     /// The description that is being typed.
     description: Option<String>,
+    /// The vehicle whose route was listed last, and the number of its lanes.
+    shown_route: Option<(VehicleId, usize)>,
     /// Who goes a long way round.
     detours: DetouringVehicles,
 }

@@ -129,7 +129,7 @@ pub(super) fn window(ui: &Ui, state: &mut UiState, shown: &ViewModel<'_>, action
             match panel.page {
                 ComparisonPage::Measures => {
                     let is_unread = std::mem::take(&mut panel.is_unread);
-                    table(ui, (&compared.pairs, is_unread), (preferences, shown.scale()));
+                    table(ui, (compared.pairs.as_slice(), is_unread), (preferences, shown.scale()));
                 }
                 ComparisonPage::Curves => curves(ui, &mut panel.curves, shown.runs.curves),
             }

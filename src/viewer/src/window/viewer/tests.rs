@@ -496,6 +496,15 @@ fn who_runs_the_same_scenario_again_looks_at_the_same_place() {
 }
 
 #[test]
+fn files_are_named_by_the_time_that_the_clock_tells() {
+    let mut viewer = viewer(request("straight", 0.5), LogLocation::Nowhere);
+    assert_eq!(viewer.clock_s(), 0.0);
+    let over = run_to_end(&mut viewer);
+    pass(&mut viewer);
+    assert_eq!(viewer.clock_s(), over.now.time_s);
+}
+
+#[test]
 fn the_run_waits_while_its_scenario_is_edited() {
     let mut viewer = viewer(request("straight", 3.0), LogLocation::Nowhere);
     viewer.act(vec![UiAction::Edit(EditAction::Begin)], 0.0);

@@ -1,4 +1,4 @@
-//! The title of the window.
+//! The title of the window, and the time that it shows.
 
 use super::ViewerState;
 use city3d_simulation::scenario::{Overrides, ScenarioChange, ScenarioRequest};
@@ -8,6 +8,11 @@ use std::path::Path;
 const LONGEST_VALUE: usize = 24;
 
 impl ViewerState {
+    /// Simulated time that the window shows in numbers, seconds: the interpolated picture is a part of a step behind it.
+    pub fn clock_s(&self) -> f64 {
+        self.clock_s
+    }
+
     /// Title of the window: the scenario, or the edited file, with what replaces values of it, or the log, and the program.
     pub fn title(&self) -> String {
         if self.player().is_some() {
