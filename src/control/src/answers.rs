@@ -84,14 +84,10 @@ impl Surroundings<'_> {
             let limit = Limit::behind(reason, Some(self.cavs[leader.vehicle].id), leader.ahead.gap_m);
             ahead.push(Obstacle { kind, gives_way_at: None, limit });
         }
-        let others = [
-            (self.strangers.leader(cav, SIGHT_M), DecisionReason::Leader),
-            (cav.end_of_route(), DecisionReason::RouteEnd),
-        ];
-        ahead.extend(others.into_iter().filter_map(|(there, reason)| {
-            let there = there?;
-            Some(Obstacle::leader(there, Limit::behind(reason, None, there.gap_m)))
+        ahead.extend(self.strangers.leader(cav, SIGHT_M).map(|stranger| {
+            Obstacle::leader(stranger, Limit::behind(DecisionReason::Leader, None, stranger.gap_m))
         }));
+        ahead.extend(cav.end_of_route().map(Obstacle::route_end));
         constraints.clear();
         let left = self.right_of_way.yield_constraints(self.map, index, self.cavs, constraints);
         ahead.extend(constraints.iter().map(|constraint| self.obstacle_of(cav, constraint)));

@@ -397,6 +397,11 @@ impl Cav {
         self.controller.acceleration(self.own_motion(), self.route.speed_at(self.axle_s), ahead)
     }
 
+    /// Acceleration of the driver model towards the end of its route.
+    pub(super) fn acceleration_to_end(&self, end: LeaderState) -> f64 {
+        self.controller.acceleration_to_end(self.own_motion(), self.route.speed_at(self.axle_s), end)
+    }
+
     /// Drives at this share of its desired speed from now on.
     pub(super) fn set_speed_factor(&mut self, map: &LabMap, factor: f64) {
         let desired_mps = self.own_desired_mps * factor;

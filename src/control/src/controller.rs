@@ -13,6 +13,11 @@ pub trait Controller: Debug + Send + Sync {
     /// free road). Of several leaders the least acceleration applies.
     fn acceleration(&self, own: OwnMotion, desired_mps: f64, ahead: Option<LeaderState>) -> f64;
 
+    /// Acceleration towards the end of the route, where the vehicle has to stand: the end is told as a leader at rest.
+    fn acceleration_to_end(&self, own: OwnMotion, desired_mps: f64, end: LeaderState) -> f64 {
+        self.acceleration(own, desired_mps, Some(end))
+    }
+
     /// Acceleration of a member of a platoon behind its predecessor, in place of those on a free road and behind that
     /// vehicle. Bounds on speed, right of way and other leaders still apply.
     fn platoon_acceleration(&self, own: OwnMotion, desired_mps: f64, platoon: &PlatoonBroadcast) -> f64 {
@@ -74,7 +79,7 @@ pub fn heeds_nobody(name: &str) -> bool {
 /// Creates a control algorithm by name; `None` for an unknown one.
 ///
 /// `idm`: intelligent driver model within the safe speed of Gipps. `cruise`: constant speed whatever is
-/// ahead. `cacc`, `ploeg`: cooperative adaptive cruise control at constant spacing or time headway behind the predecessor
+/// ahead, up to the end of its route. `cacc`, `ploeg`: cooperative adaptive cruise control at constant spacing or time headway behind the predecessor
 /// in a platoon, else as `idm`. `sinusoid`: a sinusoidal speed below the allowed one, as far as `idm` permits behind a leader.
 /// `parked`: it stays where it is.
 pub fn controller(name: &str, params: DriverParams) -> Option<Box<dyn Controller>> {
@@ -122,6 +127,11 @@ struct Cruise(DriverParams);
 impl Controller for Cruise {
     fn acceleration(&self, own: OwnMotion, desired_mps: f64, _ahead: Option<LeaderState>) -> f64 {
         self.0.acceleration(own.planned_mps, desired_mps, None)
+    }
+
+    /// It heeds nobody, but beyond its route there is no way.
+    fn acceleration_to_end(&self, own: OwnMotion, desired_mps: f64, end: LeaderState) -> f64 {
+        Idm(self.0).acceleration(own, desired_mps, Some(end))
     }
 }
 
@@ -244,6 +254,9 @@ mod tests {
         let u = |name| controller(name, DriverParams::default()).unwrap().acceleration(own, 0.35, wall);
         assert_eq!(u("idm"), -0.2);
         assert!(u("cruise") > 0.0);
+        // It stops at the end of its route as others do.
+        let cruise = controller("cruise", DriverParams::default()).unwrap();
+        assert_eq!(cruise.acceleration_to_end(own, 0.35, wall.unwrap()), -0.2);
     }
 
     #[test]

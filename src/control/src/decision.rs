@@ -30,8 +30,10 @@ pub(super) struct Obstacle {
 /// What is ahead.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum ObstacleKind {
-    /// A vehicle on the way, or the end of the route.
+    /// A vehicle on the way.
     Leader(LeaderState),
+    /// The end of the route, as a leader at rest.
+    RouteEnd(LeaderState),
     /// The predecessor in a platoon, with what it tells.
     Predecessor(LeaderState, PlatoonBroadcast),
     /// A place to stop at.
@@ -49,9 +51,15 @@ pub(super) struct StopPlace {
 }
 
 impl Obstacle {
-    /// A vehicle ahead, or the end of the route.
+    /// A vehicle ahead.
     pub(super) fn leader(leader: LeaderState, limit: Limit) -> Self {
         Self { kind: ObstacleKind::Leader(leader), gives_way_at: None, limit }
+    }
+
+    /// The end of the route.
+    pub(super) fn route_end(end: LeaderState) -> Self {
+        let limit = Limit::behind(DecisionReason::RouteEnd, None, end.gap_m);
+        Self { kind: ObstacleKind::RouteEnd(end), gives_way_at: None, limit }
     }
 
     /// What permits most of the ways to heed it: `behind` answers for a leader and the gap to keep to it at standstill.
@@ -69,6 +77,7 @@ impl Obstacle {
         match self.kind {
             ObstacleKind::Stop(place) => at(place),
             ObstacleKind::Leader(leader)
+            | ObstacleKind::RouteEnd(leader)
             | ObstacleKind::Predecessor(leader, _)
             | ObstacleKind::Merging(leader, None) => behind(leader, standstill_m),
             ObstacleKind::Merging(leader, Some(place)) => {
@@ -94,6 +103,7 @@ impl Decision {
                     decision.acceleration_mps2 = cav.platoon_acceleration(&platoon);
                     decision.limit = obstacle.limit;
                 }
+                ObstacleKind::RouteEnd(end) => decision.limit_by(cav.acceleration_to_end(end), obstacle),
                 _ => {
                     let u = obstacle.acceleration(cav, |leader, _| cav.acceleration_for(Some(leader)));
                     decision.limit_by(u, obstacle);

@@ -5,7 +5,7 @@
 //! the yaw rate is a random walk. Noise is isotropic, so one covariance of position, velocity and
 //! acceleration holds for both axes.
 
-use super::noise::{NoiseEstimator, NoiseModel};
+use super::noise::{NoiseEstimator, NoiseModel, StartPoses};
 use super::singer::{Covariance2, Covariance3, SingerTransition, parts};
 use super::{MotionEstimate, MotionStd};
 use city3d_geometry::digest::{Digest, StateHash};
@@ -200,6 +200,9 @@ fn count_outlier(outliers: &mut Option<OutlierRun>, stamp_s: f64, clock_stands: 
 pub struct MotionFilter<F: Frame = City> {
     noise: NoiseModel<F>,
     noise_estimator: NoiseEstimator<F>,
+    /// While the noise is hardly known: with each pose the filter starts anew, with the noise known by then. A
+    /// filter that took the noise for too small would be certain of a wrong speed.
+    start: Option<StartPoses<F>>,
     state: Option<FilterState>,
     /// Prediction for the newest stamp: a further pose of the same stamp replaces the last one.
     predicted: Option<FilterState>,
@@ -226,6 +229,10 @@ impl Digest for OutlierRun {
 impl<F: Frame> Digest for MotionFilter<F> {
     fn digest(&self, hash: &mut StateHash) {
         self.noise_estimator.digest(hash);
+        hash.flags([self.start.is_some()]);
+        if let Some(start) = &self.start {
+            start.digest(hash);
+        }
         hash.all([&self.state, &self.predicted]);
         hash.all([&self.position_outliers, &self.heading_outliers]);
     }
@@ -237,6 +244,7 @@ impl<F: Frame> MotionFilter<F> {
         Self {
             noise,
             noise_estimator: NoiseEstimator::new(&noise),
+            start: noise.is_estimated.then(StartPoses::default),
             state: None,
             predicted: None,
             position_outliers: None,
@@ -246,7 +254,7 @@ impl<F: Frame> MotionFilter<F> {
 
     /// A filter for a vehicle whose motion is known, as after its setup: `speed_mps` along its heading.
     pub fn moving(noise: NoiseModel<F>, stamp_s: f64, pose: Pose2<F>, speed_mps: f64) -> Self {
-        let mut filter = Self::new(noise);
+        let mut filter = Self { start: None, ..Self::new(noise) };
         let mut state =
             FilterState::unknown(&noise, stamp_s).placed(pose, filter.noise_estimator.variances());
         state.velocity = pose.forward() * speed_mps;
@@ -281,7 +289,35 @@ impl<F: Frame> MotionFilter<F> {
         if is_set_back || last_s.is_none_or(|last_s| stamp_s > last_s) {
             self.noise_estimator.take(&self.noise, stamp_s, pose);
         }
-        self.correct(stamp_s, pose, self.noise_estimator.variances()).0
+        let Some(mut start) = self.start.take() else {
+            return self.correct(stamp_s, pose, self.noise_estimator.variances()).0;
+        };
+        if start.is_complete() && last_s.is_some_and(|last_s| stamp_s > last_s) {
+            self.noise_estimator.begin_with(&self.noise, &start);
+            return self.correct(stamp_s, pose, self.noise_estimator.variances()).0;
+        }
+        let update = self.start_anew(&mut start, stamp_s, pose);
+        self.start = Some(start);
+        update
+    }
+
+    /// Starts with all poses so far and what they tell of the noise.
+    fn start_anew(&mut self, start: &mut StartPoses<F>, stamp_s: f64, pose: Pose2<F>) -> PoseUpdate {
+        let gap_s = self.last_stamp_s().map_or(0.0, |last_s| stamp_s - last_s);
+        if !(-LATE_WITHIN_S..=RESET_AFTER_S).contains(&gap_s) {
+            start.clear();
+        } else if gap_s < 0.0 {
+            return PoseUpdate::Stale;
+        }
+        start.add(stamp_s, pose);
+        let variances = start.variances(&self.noise);
+        (self.state, self.predicted) = (None, None);
+        (self.position_outliers, self.heading_outliers) = (None, None);
+        let mut update = PoseUpdate::Restarted;
+        for &(stamp_s, pose) in start.poses() {
+            update = self.correct(stamp_s, pose, variances).0;
+        }
+        update
     }
 
     /// Adds a pose of known variances; also returns whether its heading was accepted.

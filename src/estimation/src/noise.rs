@@ -218,6 +218,14 @@ impl<F: Frame> NoiseEstimator<F> {
         Self { recent: none(), count: PRIOR_WEIGHT, variances }
     }
 
+    /// Goes on from what the first poses tell.
+    pub fn begin_with(&mut self, noise: &NoiseModel<F>, start: &StartPoses<F>) {
+        let differences = start.differences();
+        let (prior, stated) = (f64::from(PRIOR_WEIGHT), Self::new(noise).variances);
+        self.variances = std::array::from_fn(|k| differences.mean_with(k, stated[k], prior));
+        self.count = PRIOR_WEIGHT + differences.count() as u32;
+    }
+
     /// Forgets the recent poses, as after a jump of the clock.
     pub fn reset_window(&mut self) {
         self.recent = none();
@@ -242,5 +250,90 @@ impl<F: Frame> NoiseEstimator<F> {
             let square = square.min(OUTLIER_SHARE * *variance);
             *variance = (*variance + (square - *variance) * share).max(least);
         }
+    }
+}
+
+/// First poses of a vehicle of which nothing is known, until they tell the noise.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+#[serde(bound = "")]
+pub(super) struct StartPoses<F: Frame> {
+    poses: Vec<(f64, Pose2<F>)>,
+}
+
+/// Number of poses of a start: a fifth of a second of motion capture.
+const START_POSES: usize = 20;
+/// Noise that is assumed before the first difference, as a multiple of the model's, and its weight in differences. It is
+/// on the large side: too little noise makes the first speeds wrong, too much only makes them come later.
+const START_NOISE: f64 = 10.0;
+const START_WEIGHT: f64 = 1.0;
+
+impl<F: Frame> Default for StartPoses<F> {
+    fn default() -> Self {
+        Self { poses: Vec::new() }
+    }
+}
+
+impl<F: Frame> Digest for StartPoses<F> {
+    fn digest(&self, hash: &mut StateHash) {
+        for (stamp_s, pose) in &self.poses {
+            hash.number(*stamp_s);
+            pose.digest(hash);
+        }
+    }
+}
+
+impl<F: Frame> StartPoses<F> {
+    /// Adds a pose, in place of one of the same stamp.
+    pub fn add(&mut self, stamp_s: f64, pose: Pose2<F>) {
+        self.poses.pop_if(|(last_s, _)| *last_s == stamp_s);
+        self.poses.push((stamp_s, pose));
+    }
+
+    /// Forgets them, as after a long gap.
+    pub fn clear(&mut self) {
+        self.poses.clear();
+    }
+
+    /// In the order of their stamps.
+    pub fn poses(&self) -> &[(f64, Pose2<F>)] {
+        &self.poses
+    }
+
+    /// Whether the noise is known well enough to go on from there.
+    pub fn is_complete(&self) -> bool {
+        self.poses.len() >= START_POSES
+    }
+
+    /// Variances of a coordinate and of the heading by what is known so far.
+    pub fn variances(&self, noise: &NoiseModel<F>) -> [f64; 2] {
+        let stds = [noise.position_std_m, noise.heading_std_rad];
+        let assumed = stds.map(|std| trig::powi(START_NOISE * std, 2));
+        let differences = self.differences();
+        std::array::from_fn(|k| differences.mean_with(k, assumed[k], START_WEIGHT))
+    }
+
+    fn differences(&self) -> Differences {
+        let fours = self.poses.windows(4);
+        Differences(
+            fours.filter_map(|four| third_difference(&[four[0], four[1], four[2], four[3]])).collect(),
+        )
+    }
+}
+
+/// Squared third differences, of a coordinate and of the heading.
+#[derive(Debug)]
+struct Differences(Vec<[f64; 2]>);
+
+impl Differences {
+    fn count(&self) -> usize {
+        self.0.len()
+    }
+
+    /// The trimmed mean of one of the two, with an assumed value that counts as `weight` differences.
+    fn mean_with(&self, which: usize, assumed: f64, weight: f64) -> f64 {
+        let squares: Vec<f64> = self.0.iter().map(|both| both[which]).collect();
+        let (mean, count) = trimmed(&squares, MEDIANS[which]);
+        let count = count as f64;
+        (weight * assumed + count * mean) / (weight + count)
     }
 }

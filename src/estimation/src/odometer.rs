@@ -9,11 +9,14 @@ use serde::{Deserialize, Serialize};
 /// A speed or displacement below this many standard deviations may be noise.
 const SIGNIFICANT_STDS: f64 = 3.0;
 
-/// Odometer of one vehicle. At a standstill only a significant speed is reported, and noise adds no distance.
+/// Odometer of one vehicle. At a standstill only a significant speed is reported, and noise adds no distance. So it is
+/// at the start of a vehicle of which nothing is known, until it is seen to move.
 /// Full-scale metres.
 #[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
 pub struct Odometer {
     stand: StandstillDetector,
+    /// Nothing is known of its speed before its first pose.
+    begins_unknown: bool,
     last_s: Option<f64>,
     distance_m: f64,
     /// Position and distance at the last stop.
@@ -24,6 +27,7 @@ impl Digest for Odometer {
     fn digest(&self, hash: &mut StateHash) {
         self.stand.digest(hash);
         hash.optional(self.last_s);
+        hash.flags([self.begins_unknown]);
         hash.number(self.distance_m);
         hash.flags([self.stood_at.is_some()]);
         if let Some((place, distance_m)) = &self.stood_at {
@@ -34,6 +38,11 @@ impl Digest for Odometer {
 }
 
 impl Odometer {
+    /// Of a vehicle that may stand or drive at its first pose.
+    pub fn of_unknown_speed() -> Self {
+        Self { begins_unknown: true, ..Self::default() }
+    }
+
     /// Adds a motion estimate, later than the one before. The time of an occlusion counts as driven at the
     /// present speed.
     pub fn update(&mut self, motion: &MotionEstimate) -> Option<StandstillChange> {
@@ -59,7 +68,7 @@ impl Odometer {
             if let Some((place, distance_m)) = self.stood_at.take() {
                 self.distance_m = self.distance_m.max(distance_m + motion.pose.position.distance(place));
             } else {
-                self.distance_m += motion.speed_mps.abs() * dt_s.max(0.0);
+                self.distance_m += self.reported(motion).speed_mps.abs() * dt_s.max(0.0);
             }
             return change;
         }
@@ -69,14 +78,19 @@ impl Odometer {
         change
     }
 
-    /// The motion to report: at a standstill the speed is zero unless it is significant.
+    /// The motion to report: at a standstill, and before it is known to move, the speed is zero unless it is significant.
     #[must_use]
     pub fn reported(&self, motion: &MotionEstimate) -> MotionEstimate {
-        let is_noise = motion.speed_mps.abs() < SIGNIFICANT_STDS * motion.std.speed_mps;
-        if !self.stand.is_standing() || !is_noise {
+        if !self.is_at_rest(motion) {
             return *motion;
         }
         MotionEstimate { velocity_mps: DVec2::ZERO, speed_mps: 0.0, acceleration_mps2: 0.0, ..*motion }
+    }
+
+    /// Whether the speed of a vehicle that stands, or of which nothing is known yet, may be noise.
+    pub fn is_at_rest(&self, motion: &MotionEstimate) -> bool {
+        let may_stand = self.stand.is_standing() || self.begins_unknown && !self.stand.has_moved();
+        may_stand && motion.speed_mps.abs() < SIGNIFICANT_STDS * motion.std.speed_mps
     }
 
     /// Whether the vehicle counts as standing, by the hysteresis of [`StandstillDetector`].

@@ -139,6 +139,11 @@ impl StandstillDetector {
         self.stands.is_some()
     }
 
+    /// Whether it has left its first position, or has been told to drive.
+    pub fn has_moved(&self) -> bool {
+        self.has_moved
+    }
+
     /// Whether it is moving off: it exceeds [`MOVES_MPS`] and has not left its position yet.
     pub fn is_moving_off(&self) -> bool {
         self.fast_since_s.is_some()

@@ -1,6 +1,6 @@
 //! The estimator against motions in closed form.
 
-use super::{MotionFilter, NoiseModel, PoseUpdate};
+use super::{MotionFilter, NoiseModel, Odometer, PoseUpdate};
 use city3d_geometry::lab::Pose2;
 use city3d_geometry::{Lab, LengthScale, trig, wrap_angle};
 use glam::DVec2;
@@ -197,4 +197,55 @@ fn a_clock_that_is_set_back_begins_the_estimate_anew() {
     assert_eq!(filter.update(0.0, circle(0.0).0), PoseUpdate::Restarted);
     assert_eq!(filter.last_stamp_s(), Some(0.0));
     assert_eq!(filter.update(3.0, circle(3.0).0), PoseUpdate::Restarted);
+}
+
+/// Ten times the noise that the model states, as an uncalibrated laboratory has it, must not look like motion.
+#[test]
+fn the_first_speeds_are_as_wrong_as_they_say_whatever_the_noise() {
+    for (position_m, heading_rad) in [(1e-4, 1e-3), (1e-3, 9e-3), (2e-3, 9e-3)] {
+        for speed_mps in [0.0, 0.3] {
+            let (mut errors, mut outside) = (0, 0);
+            for seed in 0..50 {
+                let (mut filter, mut draws) = (MotionFilter::new(NOISE), Draws(seed));
+                for k in 0..40 {
+                    let time_s = f64::from(k) / 100.0;
+                    let pose = Pose2::new(speed_mps * time_s, 0.0, 0.0);
+                    filter.update(time_s, draws.noisy(pose, position_m, heading_rad));
+                    let motion = filter.at(time_s).unwrap();
+                    errors += 1;
+                    outside += u32::from((motion.speed_mps - speed_mps).abs() > 3.0 * motion.std.speed_mps);
+                }
+            }
+            let share = f64::from(outside) / f64::from(errors);
+            assert!(
+                share < 0.02,
+                "{position_m} m, {speed_mps} m/s: {share} of the errors exceed three deviations"
+            );
+        }
+    }
+}
+
+#[test]
+fn a_vehicle_at_rest_at_its_first_pose_has_no_speed_and_no_way() {
+    let scale = LengthScale::TESTBED;
+    for seed in 0..50 {
+        let mut filter = MotionFilter::new(NOISE.to_city(scale));
+        let (mut odometer, mut draws) = (Odometer::of_unknown_speed(), Draws(seed));
+        let mut fast = 0;
+        for k in 0..100 {
+            let time_s = f64::from(k) / 100.0;
+            let seen = draws.noisy(Pose2::new(0.0, 0.0, 0.0), 1e-3, 9e-3);
+            filter.update(time_s, seen.to_city(scale));
+            // Motion capture is heard late.
+            let motion = filter.at(time_s + 0.04).unwrap();
+            odometer.update(&motion);
+            let told = odometer.reported(&motion);
+            fast += u32::from(told.speed_mps != 0.0);
+            assert!(told.speed_mps.abs() < 3.0, "{seed}: {} m/s at {time_s} s", told.speed_mps);
+            let place = if odometer.is_at_rest(&motion) { filter.at(time_s).unwrap() } else { motion };
+            assert!(place.pose.position.length() < 0.25, "{seed}: {} at {time_s} s", place.pose.position);
+        }
+        assert!(fast <= 2, "{seed}: a speed in {fast} of 100 steps");
+        assert!(odometer.distance_m() < 0.05, "{seed}: {} m", odometer.distance_m());
+    }
 }

@@ -74,7 +74,7 @@ impl Measured {
         Self {
             body: physics.add_guided_box(&chassis(spec, pose, 0.0)),
             filter: MotionFilter::new(NoiseModel::LABORATORY.to_city(scale)),
-            odometer: Odometer::default(),
+            odometer: Odometer::of_unknown_speed(),
             change: None,
             is_seen: None,
             height_m: 0.0,
@@ -127,10 +127,12 @@ impl Measured {
         let is_seen = time_s - stamp_s <= UNSEEN_AFTER_S;
         self.is_seen = Some(is_seen);
         let Some(motion) = self.filter.at(time_s.min(stamp_s + UNSEEN_AFTER_S)) else { return };
-        self.pose = motion.pose;
         if is_seen && dt_s > 0.0 {
             self.change = self.odometer.update(&motion);
         }
+        // What may be noise carries it nowhere.
+        let until_s = if self.odometer.is_at_rest(&motion) { stamp_s } else { motion.time_s };
+        self.pose = self.filter.at(until_s).map_or(motion.pose, |then| then.pose);
         let MotionEstimate { velocity_mps, acceleration_mps2, yaw_rate_radps, .. } =
             self.odometer.reported(&motion);
         if is_seen {

@@ -210,3 +210,6 @@ impl Run {
 fn testbed_of(experiment: &Experiment) -> Option<Testbed> {
     experiment.physical().next().map(|_| Testbed::new(experiment))
 }
+
+#[cfg(test)]
+mod tests;

@@ -41,7 +41,8 @@ struct VehicleTrack {
 
 impl VehicleTrack {
     fn new(filter: MotionFilter, is_physical: bool) -> Self {
-        Self { filter, odometer: Odometer::default(), is_physical }
+        let odometer = if is_physical { Odometer::of_unknown_speed() } else { Odometer::default() };
+        Self { filter, odometer, is_physical }
     }
 }
 
