@@ -166,6 +166,24 @@ fn somebody_joins_and_hears(city: &mut Ros2Node, name: &str) {
     }
 }
 
+/// Whether a node goes on hearing poses, long after the window of its topic is full of what others have
+/// not acknowledged.
+fn somebody_goes_on_hearing(city: &mut Ros2Node) {
+    const POSES: usize = 3 * 4096;
+    let options = Ros2Options { subscribed: subject("car"), ..Ros2Options::new("patient", domain()).unwrap() };
+    let far = Ros2Node::start(&options).unwrap();
+    let (all, mut heard_at, mut heard) = (Arc::new(subject("car")), Instant::now(), 0);
+    for k in 0..POSES {
+        let stamp_s = 2.0 + k as f64 * 1e-3;
+        city.publish(stamp_s, &all, vec![measured(CAR, stamp_s, DVec3::ZERO, DQuat::IDENTITY).unwrap()]);
+        if far.receive(Duration::from_millis(1)).is_some() {
+            (heard_at, heard) = (Instant::now(), heard + 1);
+        }
+        assert!(heard_at.elapsed() < Duration::from_secs(10), "{heard} of {k}: {:?}", city.counters());
+    }
+    assert!(heard > POSES / 2, "{heard} of {POSES}: {:?}", city.counters());
+}
+
 /// A message that a node sends as it is.
 struct Bare;
 
@@ -268,6 +286,8 @@ fn hostile_participants_take_no_memory_and_stop_nobody() {
         }
     }
     check(&mut city, "many endpoints");
+    // Among them are readers of its poses that never acknowledge any.
+    somebody_goes_on_hearing(&mut city);
 
     // Fragments of the topic of trajectories, by writers that are matched, and requests for fragments that there are not.
     for k in 0..5000_u32 {

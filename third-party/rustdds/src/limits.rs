@@ -63,7 +63,12 @@ pub fn dropped() -> u64 {
 
 /// Counts something as dropped.
 pub(crate) fn drop_one() {
-  DROPPED.fetch_add(1, Ordering::Relaxed);
+  drop_some(1);
+}
+
+/// Counts so many as dropped.
+pub(crate) fn drop_some(count: u64) {
+  DROPPED.fetch_add(count, Ordering::Relaxed);
 }
 
 /// Memory of a half-assembled message.

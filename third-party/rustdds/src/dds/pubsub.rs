@@ -1,3 +1,4 @@
+// Changed for City3D: third-party/README.md.
 use std::{
   fmt::Debug,
   sync::{Arc, Mutex, MutexGuard, RwLock},
@@ -546,12 +547,15 @@ impl InnerPublisher {
         .unwrap_or(policy::Durability::Volatile),
       policy::Durability::Volatile
     );
+    // DDS v1.4 2.2.3.18: with KEEP_LAST, the default, a writer does not wait for readers that are behind.
+    let overwrites = !matches!(writer_qos.history(), Some(policy::History::KeepAll));
     let send_buffer = WriterSendBuffer::new(
       guid,
       topic.name(),
       writer_qos.is_reliable(),
       guid.entity_id.entity_kind.is_built_in(),
       volatile,
+      overwrites,
       window_limit,
       backlog_limit,
       max_retain,

@@ -2803,6 +2803,7 @@ mod tests {
           true, // reliable
           writer_id.kind().is_built_in(),
           false,
+          false,
           DEFAULT_WRITER_MAX_SAMPLES,
           DEFAULT_WRITER_MAX_SAMPLES,
           DEFAULT_WRITER_MAX_SAMPLES,

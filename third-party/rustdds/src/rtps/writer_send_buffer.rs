@@ -1,3 +1,4 @@
+// Changed for City3D: third-party/README.md.
 use std::{
   cmp::max,
   collections::BTreeMap,
@@ -11,6 +12,7 @@ use log::{debug, error, trace, warn};
 
 use crate::{
   dds::{ddsdata::DDSData, with_key::datawriter::WriteOptions},
+  limits,
   structure::{cache_change::CacheChange, guid::GUID, sequence_number::SequenceNumber},
 };
 
@@ -89,6 +91,9 @@ struct Shared {
   // (TRANSIENT_LOCAL / TRANSIENT / PERSISTENT) the writer must retain samples for
   // late-joining readers, so pre-match trimming is disabled.
   volatile: bool,
+  // KEEP_LAST: samples may be overwritten although not every reader has
+  // acknowledged them. KEEP_ALL never is.
+  overwrites: bool,
   topic_name: String,
 }
 
@@ -114,6 +119,7 @@ impl WriterSendBuffer {
     reliable_writer: bool,
     is_builtin: bool,
     volatile: bool,
+    overwrites: bool,
     window_limit: usize,
     backlog_limit: usize,
     max_retain: usize,
@@ -137,6 +143,7 @@ impl WriterSendBuffer {
         reliable_writer,
         is_builtin,
         volatile,
+        overwrites,
         topic_name,
       }),
     }
@@ -321,7 +328,7 @@ impl WriterSendBuffer {
     let mut inner = shared.inner.lock().unwrap();
     let advanced = match acked_before {
       Some(sn) => {
-        let sn = max(sn, SequenceNumber::new(1));
+        let sn = Self::overwritten(shared, &inner, max(sn, SequenceNumber::new(1)));
         let adv = sn > inner.acked_before || !inner.reliable_readers_present;
         inner.acked_before = sn;
         inner.reliable_readers_present = true;
@@ -337,6 +344,20 @@ impl WriterSendBuffer {
     if advanced {
       Self::wake_all(&mut inner, &shared.progress);
     }
+  }
+
+  // A reader that is behind by more than three quarters of the window, and so
+  // holds up those who do acknowledge, loses what is older. Called as others
+  // acknowledge.
+  fn overwritten(shared: &Shared, inner: &Inner, acked_before: SequenceNumber) -> SequenceNumber {
+    if !shared.overwrites || shared.is_builtin {
+      return acked_before;
+    }
+    let kept = (inner.window_limit * 3 / 4) as i64;
+    let least = SequenceNumber::new(i64::from(inner.last_seq) - kept + 1);
+    let lost = i64::from(least) - i64::from(max(acked_before, inner.acked_before));
+    limits::drop_some(lost.max(0) as u64);
+    max(acked_before, least)
   }
 
   /// nonblocking-transmit: advance the "actually transmitted" frontier. Called
@@ -482,6 +503,7 @@ mod tests {
       /* reliable_writer */ true,
       /* is_builtin */ false,
       /* volatile */ true,
+      /* overwrites */ false,
       /* window_limit */ 1,
       /* backlog_limit */ 1000,
       /* max_retain */ 1,
@@ -508,6 +530,7 @@ mod tests {
       /* reliable_writer */ false,
       /* is_builtin */ false,
       /* volatile */ true,
+      /* overwrites */ false,
       /* window_limit */ 1000,
       /* backlog_limit */ 2,
       /* max_retain */ 1000,
@@ -536,6 +559,7 @@ mod tests {
       /* reliable_writer */ false,
       /* is_builtin */ false,
       /* volatile */ true,
+      /* overwrites */ false,
       /* window_limit */ 1000,
       /* backlog_limit */ 1,
       /* max_retain */ 1000,
@@ -556,6 +580,7 @@ mod tests {
       false,
       /* is_builtin */ true,
       /* volatile */ true,
+      /* overwrites */ false,
       1000,
       /* backlog_limit */ 1,
       /* max_retain */ 1000,
@@ -580,6 +605,7 @@ mod tests {
       /* reliable_writer */ false,
       /* is_builtin */ false,
       /* volatile */ true,
+      /* overwrites */ false,
       /* window_limit */ 1000,
       /* backlog_limit */ 1000,
       max_retain,
@@ -615,6 +641,7 @@ mod tests {
       /* reliable_writer */ true,
       /* is_builtin */ false,
       /* volatile */ false, // TRANSIENT_LOCAL etc: keep for late joiners
+      /* overwrites */ false,
       /* window_limit */ 1000,
       /* backlog_limit */ 1000,
       max_retain,
@@ -643,6 +670,7 @@ mod tests {
       /* reliable_writer */ true,
       /* is_builtin */ false,
       /* volatile */ true,
+      /* overwrites */ false,
       /* window_limit */ 1000,
       /* backlog_limit */ 1000,
       max_retain,
