@@ -336,7 +336,7 @@ fn a_model_beside_the_scenario_takes_the_place_of_a_shipped_one() {
 }
 
 #[test]
-fn every_shipped_shape_and_the_bus_of_the_document_can_be_used() {
+fn every_shipped_shape_and_the_long_vehicles_of_the_document_can_be_used() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     for (name, _) in BodyType::SHIPPED {
@@ -345,10 +345,14 @@ fn every_shipped_shape_and_the_bus_of_the_document_can_be_used() {
         assert!(output.status.success(), "{name}: {output:?}");
     }
     let document = include_str!("../../docs/models.md");
-    let from = document.find("    [vehicle_type.bus]").expect("the example of a bus");
-    let lines = document[from..].lines().take_while(|line| line.is_empty() || line.starts_with("    "));
-    let example = lines.map(|line| line.trim_start()).collect::<Vec<_>>().join("\n");
-    std::fs::write(folder.join("bus.toml"), format!("name = \"bus\"\nduration_s = 3\n{example}\n")).unwrap();
-    let output = city3d(folder, &["run", "bus.toml", "--out", "out"]);
-    assert!(output.status.success(), "{output:?}");
+    for name in ["bus", "truck"] {
+        let from = document.find(&format!("    [vehicle_type.{name}]")).expect(name);
+        let lines = document[from..].lines().take_while(|line| line.is_empty() || line.starts_with("    "));
+        let example = lines.map(|line| line.trim_start()).collect::<Vec<_>>().join("\n");
+        let file = format!("{name}.toml");
+        std::fs::write(folder.join(&file), format!("name = \"{name}\"\nduration_s = 3\n{example}\n"))
+            .unwrap();
+        let output = city3d(folder, &["run", &file, "--out", name]);
+        assert!(output.status.success(), "{output:?}");
+    }
 }

@@ -170,7 +170,8 @@ fn somebody_joins_and_hears(city: &mut Ros2Node, name: &str) {
 /// not acknowledged.
 fn somebody_goes_on_hearing(city: &mut Ros2Node) {
     const POSES: usize = 3 * 4096;
-    let options = Ros2Options { subscribed: subject("car"), ..Ros2Options::new("patient", domain()).unwrap() };
+    let options =
+        Ros2Options { subscribed: subject("car"), ..Ros2Options::new("patient", domain()).unwrap() };
     let far = Ros2Node::start(&options).unwrap();
     let (all, mut heard_at, mut heard) = (Arc::new(subject("car")), Instant::now(), 0);
     for k in 0..POSES {
