@@ -57,7 +57,7 @@ pub use commands::{
 pub use control_zones::{ControlZoneArea, ZoneStretch};
 pub use drive::ManualDrive;
 pub use editing::{EditAction, EditState, EditTool, EditView};
-pub use events::{EventFilter, announcement, event_words};
+pub use events::{EventFilter, announcement, collision_remark, event_words};
 pub use key_page::KeyPage;
 pub use layers::Layers;
 pub use layout::{Layout, StoredLayout};
@@ -236,6 +236,8 @@ pub struct UiState {
     pub help_words: String,
     /// A widget had the keyboard focus in the last frame.
     had_focus: bool,
+    /// Camera and selected vehicle before a jump to an event of the past: the way back to the present leads to them.
+    view_before_jump: Option<(Viewpoint, Option<VehicleId>)>,
     /// The run that has come to its end, and when, seconds of egui's clock.
     ended: Option<(u32, f64)>,
     /// Manual control of the vehicle that the user drives.
@@ -301,6 +303,7 @@ impl UiState {
             palette: Palette::default(),
             help_words: String::new(),
             had_focus: false,
+            view_before_jump: None,
             ended: None,
             driving: None,
             events: EventFilter::default(),
@@ -426,6 +429,24 @@ impl UiState {
         panels::ALL.iter().find(is_over).map(|entry| entry.close)
     }
 
+    /// Keeps camera and selected vehicle for the way back from a jump into the past.
+    fn keep_view(&mut self) {
+        let view = (self.viewpoint.clone(), self.selection.vehicle);
+        self.view_before_jump.get_or_insert(view);
+    }
+
+    /// Who goes back to the present sees what they saw before they jumped into the past.
+    fn look_back_at_present(&mut self, shown: &ViewModel<'_>, actions: &[UiAction]) {
+        let goes_live = actions.contains(&UiAction::PlaybackCommand(PlaybackCommand::Live));
+        if !(goes_live && shown.past.is_shown) || self.driving.is_some() {
+            return;
+        }
+        if let Some((viewpoint, selected)) = self.view_before_jump.take() {
+            (self.viewpoint, self.selection) = (viewpoint, Selection { vehicle: selected, follow: None });
+            self.table.reveal = true;
+        }
+    }
+
     /// Shows a message for some seconds.
     pub fn say(&mut self, text: impl Into<String>, now_s: f64) {
         self.notice = Some((text.into(), now_s + 6.0));
@@ -490,6 +511,9 @@ pub fn show(ui: &mut egui::Ui, state: &mut UiState, shown: &ViewModel<'_>) -> Ve
     theme::apply(ui.ctx(), state.preferences);
     commands::key_map::apply(ui.ctx(), &state.keys);
     state.pictures.clear();
+    if !shown.past.is_shown {
+        state.view_before_jump = None;
+    }
     state.update(shown);
     state.note_end(ui, shown);
     state.open_first_preview(&shown.run_state.now);
@@ -533,6 +557,7 @@ pub fn show(ui: &mut egui::Ui, state: &mut UiState, shown: &ViewModel<'_>) -> Ve
     help::window(ui, state, shown);
     runs::show(ui, state, shown, &mut actions);
     drive::step(ui, state, shown, &mut actions);
+    state.look_back_at_present(shown, &actions);
     state.had_focus = ui.memory(|memory| memory.focused().is_some());
     actions
 }
