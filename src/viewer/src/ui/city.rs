@@ -328,6 +328,16 @@ fn loading(ui: &Ui, rect: Rect, shown: &ViewModel<'_>) {
         });
 }
 
+/// The vehicle that a camera goes with, and the selected one where that is another.
+pub(super) fn whose_camera(id: VehicleId, selected: Option<VehicleId>, shown: &ViewModel<'_>) -> String {
+    let name = |id: VehicleId| {
+        shown.interpolated.info(id).map_or_else(|| id.to_string(), |info| format!("{id} {}", info.name))
+    };
+    let other = selected.filter(|selected| *selected != id);
+    let other = other.map_or_else(String::new, |other| format!(", not the selected {}", name(other)));
+    format!("{}{other}", name(id))
+}
+
 /// Names the followed vehicle, which has no label.
 fn followed(ui: &Ui, rect: Rect, state: &UiState, shown: &ViewModel<'_>) {
     let Some(id) = state.viewpoint.follow else { return };
@@ -335,7 +345,8 @@ fn followed(ui: &Ui, rect: Rect, state: &UiState, shown: &ViewModel<'_>) {
         return;
     };
     let [r, g, b] = info.appearance.colour;
-    let text = format!("{}: {} {}", state.viewpoint.mode.label(), id, info.name);
+    let whose = whose_camera(id, state.selection.vehicle, shown);
+    let text = format!("{}: {whose}", state.viewpoint.mode.label());
     let painter = ui.painter_at(rect);
     let text = painter.layout_no_wrap(text, FontId::proportional(13.0), Color32::WHITE);
     let swatch = text.size().y * 0.7;
