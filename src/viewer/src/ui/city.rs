@@ -193,7 +193,8 @@ fn dashboard(ui: &Ui, rect: Rect, state: &UiState, shown: &ViewModel<'_>) -> Opt
     };
     let (units, scale) = (state.preferences.units, shown.scale());
     let speed = units.dashboard(vehicle.speed_mps.abs(), scale, state.preferences.decimal);
-    let speed = status::speed_words(vehicle.status, speed);
+    // A lab vehicle has no driver here.
+    let speed = status::speed_words((vehicle.status, true), speed);
     let trouble = trouble(state, shown, vehicle.status, pedals.reverse);
     let place = vehicle.position.truncate();
     let left = || map::way_back(shown.map, place);

@@ -3,8 +3,9 @@
 use super::commands::{KeyMap, TAKE_CONTROL};
 use super::theme;
 use city3d_geometry::wrap_angle;
-use city3d_protocol::snapshot::{DecisionReason, Status, VehicleInfo, VehicleState};
+use city3d_protocol::snapshot::{DecisionReason, FrameSnapshot, Status, VehicleInfo, VehicleState};
 use city3d_roadmap::CityMap;
+use city3d_simulation::measures;
 use egui::{Color32, Painter, Pos2, Rect, Shape, Stroke, Vec2, pos2};
 
 /// A status in the words of the window.
@@ -150,15 +151,15 @@ pub(super) const NOT_MEASURED: &str = "-";
 pub(super) const NOT_MEASURED_TIP: &str =
     "Not tracked: nobody measures this lab vehicle now, so its motion is not known";
 
-/// Whether the motion of a vehicle is known. Of one that is not measured a snapshot has the last place, and zeros.
-pub(super) fn is_tracked(status: Status) -> bool {
-    status != Status::Unseen
+/// Whether the motion of a vehicle of a snapshot is known. Of one that is not measured there are the last place, and zeros.
+pub(super) fn is_tracked(vehicle: &VehicleState, seen: &FrameSnapshot) -> bool {
+    measures::is_tracked(vehicle, seen.info(vehicle.id).is_some_and(VehicleInfo::is_physical))
 }
 
 /// A speed as it is written beside a status: in parentheses where the vehicle waits and will start with it, a dash where it is
 /// not measured.
-pub(super) fn speed_words(status: Status, number: String) -> String {
-    if !is_tracked(status) {
+pub(super) fn speed_words((status, is_tracked): (Status, bool), number: String) -> String {
+    if !is_tracked {
         return NOT_MEASURED.to_owned();
     }
     let is_zero = !number.contains(|digit| matches!(digit, '1'..='9'));
