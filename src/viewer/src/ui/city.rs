@@ -339,6 +339,9 @@ pub(super) fn whose_camera(id: VehicleId, selected: Option<VehicleId>, shown: &V
     format!("{}{other}", name(id))
 }
 
+/// Room of the name of the followed vehicle in the corner of the view, about, points.
+pub(super) const NAME_OF_CAMERA: egui::Vec2 = egui::vec2(280.0, 34.0);
+
 /// Names the followed vehicle, which has no label.
 fn followed(ui: &Ui, rect: Rect, state: &UiState, shown: &ViewModel<'_>) {
     let Some(id) = state.viewpoint.follow else { return };

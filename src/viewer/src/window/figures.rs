@@ -544,7 +544,7 @@ mod tests {
             assert_eq!(watched.figures.view().saved, Some(said.as_str()), "it stays to be read");
             let table = std::fs::read_to_string(folder.path().join(format!("{name}.csv"))).unwrap();
             assert!(
-                table.starts_with("run,vehicle,name,time_s,acceleration_mps2\n\"roundabout, seed 1, ideal environment\",1,path1_a,0.000,"),
+                table.starts_with("run,vehicle,name,time_s,acceleration_mps2\n\"roundabout, seed 2, ideal environment\",1,path1_a,0.000,"),
                 "{table:.80}"
             );
             assert_eq!(table.lines().count(), 1 + 6 * 30);

@@ -5,8 +5,10 @@ use super::super::theme;
 use egui::{Align2, Color32, FontId, Pos2, Rect, Ui, Vec2, pos2};
 use egui_plot::PlotPoint;
 
-/// Around a name, points.
-const MARGIN: Vec2 = Vec2::new(3.0, 1.0);
+/// Between names one below the other, points.
+const APART: f32 = 2.0;
+/// Names at one point have an edge in common, points.
+const TOUCHES: f32 = 1.0;
 /// How far down from its place a name may be, in lines.
 const MOST_LINES: u8 = 4;
 
@@ -33,7 +35,7 @@ impl LabelRoom {
     ) -> Option<Align2> {
         let (point, size) = (self.point(at), size_of(ui, name));
         let anchor = anchors.iter().copied().find(|anchor| self.is_free(anchor.anchor_size(point, size)))?;
-        self.taken.push(anchor.anchor_size(point, size).expand2(MARGIN));
+        self.taken.push(anchor.anchor_size(point, size));
         Some(anchor)
     }
 
@@ -45,15 +47,15 @@ impl LabelRoom {
         anchor: Align2,
     ) -> Option<f64> {
         let (point, size) = (self.point(at), size_of(ui, name));
-        let step = size.y + 2.0 * MARGIN.y;
+        let step = size.y + APART;
         let lower = |lines: u8| anchor.anchor_size(point + Vec2::new(0.0, f32::from(lines) * step), size);
         let lines = (0..MOST_LINES).find(|lines| self.is_free(lower(*lines)))?;
-        self.taken.push(lower(lines).expand2(MARGIN));
+        self.taken.push(lower(lines));
         Some(f64::from(f32::from(lines) * step / self.size.y.max(1.0)) * (self.y.1 - self.y.0))
     }
 
     fn is_free(&self, rect: Rect) -> bool {
-        self.taken.iter().all(|taken| !taken.intersects(rect))
+        self.taken.iter().all(|taken| !taken.intersects(rect.shrink(TOUCHES)))
     }
 
     fn point(&self, at: PlotPoint) -> Pos2 {

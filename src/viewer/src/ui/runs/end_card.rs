@@ -22,7 +22,7 @@ const SEED_IS_UNUSED: &str =
 /// For so many frames it is put to its place: at first it is wider than it will be, and egui would move it.
 const PLACING_FRAMES: u8 = 6;
 /// About its size, points.
-const SIZE: Vec2 = Vec2::new(446.0, 340.0);
+const SIZE: Vec2 = Vec2::new(446.0, 362.0);
 /// Vehicles that drive less have not moved.
 const MOVES_M: f64 = 0.1;
 
