@@ -116,13 +116,13 @@ impl WayFigure<'_> {
                 stroke.width_pt = OWN_PT;
             }
             let points: WayLine = line.iter().map(|&(time_s, m)| (time_s, m * per_city_m)).collect();
-            let told = points.iter().filter(|(_, m)| m.is_finite());
+            let mut told = points.iter().filter(|(_, m)| m.is_finite());
             table.rows.extend(told.clone().map(|&(time_s, m)| {
                 let (id, name) = (trace.id.to_string(), trace.name.clone());
                 vec![of_run.clone(), id, name, number(time_s, 3), number(m, 4)]
             }));
             let index = panel.lines.len();
-            let end = told.last().copied();
+            let end = told.next_back().copied();
             panel.names.extend(end.map(|at| LineName { at, name: name(trace), lines: index..index + 1 }));
             panel.lines.push(ChartLine { points, stroke });
             legend.extend(style.map(|_| LegendEntry { name: name(trace), stroke }));

@@ -260,9 +260,9 @@ fn a_rammed_vehicle_that_is_lost_flashes_and_has_no_known_motion() {
         let state = snapshot.vehicle(lab).unwrap();
         (state.status, state.indicator, is_tracked(state, true))
     };
-    let seen = (0..50).map(|_| tick(&mut world, true)).last().unwrap();
+    let seen = (0..50).fold(None, |_, _| Some(tick(&mut world, true))).unwrap();
     assert_eq!((seen.0, seen.2), (Status::Collided, true), "{seen:?}");
     assert_ne!(seen.1, Indicator::Hazard);
-    let lost = (0..50).map(|_| tick(&mut world, false)).last().unwrap();
+    let lost = (0..50).fold(None, |_, _| Some(tick(&mut world, false))).unwrap();
     assert_eq!(lost, (Status::Collided, Indicator::Hazard, false));
 }
