@@ -48,6 +48,7 @@ mod video;
 mod view_model;
 mod viewpoint;
 mod views;
+mod way_back;
 
 pub use charts::{ChartKind, ChartSpan, ChartState, ChartView, MergeChoice};
 pub use colouring::ColourBy;
@@ -236,7 +237,7 @@ pub struct UiState {
     pub help_words: String,
     /// A widget had the keyboard focus in the last frame.
     had_focus: bool,
-    /// Camera and selected vehicle before a jump to an event of the past: the way back to the present leads to them.
+    /// Camera and selected vehicle before a jump to an event of the past.
     view_before_jump: Option<(Viewpoint, Option<VehicleId>)>,
     /// The run that has come to its end, and when, seconds of egui's clock.
     ended: Option<(u32, f64)>,
@@ -345,8 +346,7 @@ impl UiState {
         next
     }
 
-    /// Looks at the place and the vehicles that another state looks at. A vehicle is kept where it is the same one as before:
-    /// in charts also one that is still to come.
+    /// Looks at what another state looks at. A vehicle is kept where it is the same one: in charts also one that is to come.
     pub fn look_as(&mut self, other: Self, first: &FrameSnapshot, is_again: impl Fn(VehicleId) -> bool) {
         let is_here = |id: VehicleId| first.vehicle(id).is_some() && is_again(id);
         self.viewpoint = other.viewpoint;
@@ -384,8 +384,7 @@ impl UiState {
         self.viewpoint.choose_mode(mode, self.selection.vehicle);
     }
 
-    /// The same; where no vehicle is selected or followed, chase and onboard select the one nearest to what the camera looks
-    /// at, and say so.
+    /// The same; where no vehicle is selected or followed, chase and onboard select the nearest one, and say so.
     pub(crate) fn look_by(&mut self, mode: CameraMode, (seen, now_s): (&FrameSnapshot, f64)) {
         let rides = matches!(mode, CameraMode::Chase | CameraMode::Onboard);
         let has_one = self.selection.vehicle.or(self.viewpoint.follow).is_some();
@@ -427,24 +426,6 @@ impl UiState {
         let is_over =
             |entry: &&panels::PanelEntry| (entry.is_open)(self) && self.layout.is_floating(entry.panel);
         panels::ALL.iter().find(is_over).map(|entry| entry.close)
-    }
-
-    /// Keeps camera and selected vehicle for the way back from a jump into the past.
-    fn keep_view(&mut self) {
-        let view = (self.viewpoint.clone(), self.selection.vehicle);
-        self.view_before_jump.get_or_insert(view);
-    }
-
-    /// Who goes back to the present sees what they saw before they jumped into the past.
-    fn look_back_at_present(&mut self, shown: &ViewModel<'_>, actions: &[UiAction]) {
-        let goes_live = actions.contains(&UiAction::PlaybackCommand(PlaybackCommand::Live));
-        if !(goes_live && shown.past.is_shown) || self.driving.is_some() {
-            return;
-        }
-        if let Some((viewpoint, selected)) = self.view_before_jump.take() {
-            (self.viewpoint, self.selection) = (viewpoint, Selection { vehicle: selected, follow: None });
-            self.table.reveal = true;
-        }
     }
 
     /// Shows a message for some seconds.
@@ -511,9 +492,7 @@ pub fn show(ui: &mut egui::Ui, state: &mut UiState, shown: &ViewModel<'_>) -> Ve
     theme::apply(ui.ctx(), state.preferences);
     commands::key_map::apply(ui.ctx(), &state.keys);
     state.pictures.clear();
-    if !shown.past.is_shown {
-        state.view_before_jump = None;
-    }
+    state.forget_view(shown);
     state.update(shown);
     state.note_end(ui, shown);
     state.open_first_preview(&shown.run_state.now);

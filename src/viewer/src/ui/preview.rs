@@ -365,13 +365,10 @@ fn speed(
     (vehicle, is_tracked): (&VehicleState, bool),
     (units, scale): (SpeedUnit, LengthScale),
 ) {
-    let gear = if vehicle.reverse { "  R" } else { "" };
+    let gear = if vehicle.reverse && is_tracked { "  R" } else { "" };
     let number = units.number(vehicle.speed_mps, scale, theme::decimal(ui.ctx()));
     let number = status::speed_words((vehicle.status, is_tracked), number);
-    let text = match is_tracked {
-        true => format!("{number} {}{gear}", units.label()),
-        false => format!("{number} {}", units.label()),
-    };
+    let text = format!("{number} {}{gear}", units.label());
     let label = egui::Label::new(RichText::new(text).monospace().strong()).extend();
     // Of one width, so that the row never breaks and nothing below moves.
     let size = Vec2::new(SPEED_WIDTH, ui.spacing().interact_size.y);
