@@ -153,7 +153,7 @@ fn a_figure_is_the_same_each_time_and_says_its_units() {
     // In 6 s nobody has come to the merging point.
     assert!(notes.iter().any(|note| note.contains("no streams merge")), "{notes:?}");
     for figure in &figures {
-        assert!(figure.title.contains("testbed emulator"), "{}", figure.title);
+        assert!(figure.title.contains("roundabout, seed 2, testbed environment: "), "{}", figure.title);
         for size in [FigureSize::Column, FigureSize::Page] {
             let text = svg(figure, size).unwrap();
             assert_eq!(text, svg(figure, size).unwrap());

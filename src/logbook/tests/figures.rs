@@ -1,12 +1,13 @@
 //! Figures and comparisons of runs that were simulated here: what a reader sees has one meaning.
 #![allow(clippy::unwrap_used, reason = "a test may end where it finds something wrong")]
 
-use city3d_logbook::figures::chart::{Colour, Dash, Figure, LineStyle};
+use city3d_logbook::figures::chart::{ChartLine, Colour, Dash, Figure, LineStyle};
 use city3d_logbook::figures::{
-    Comparison, FigureSet, FigureSize, GiveWayKind, RunLog, RunPair, StreamLayout, TraceBuilder, svg,
+    Comparison, FigureScale, FigureSet, FigureSize, GiveWayKind, Quantity, RunLog, RunPair, SeriesFigure,
+    StreamLayout, TraceBuilder, WAY_AHEAD_M, WAY_BEHIND_M, WayFigure, moving_average, svg,
 };
 use city3d_logbook::record::LogOrigin;
-use city3d_protocol::snapshot::{Event, EventKind, VehicleId};
+use city3d_protocol::snapshot::{Event, EventKind, Status, VehicleId};
 use city3d_simulation::runner::Run;
 use city3d_simulation::scenario::{Library, Overrides, read_experiment};
 use std::collections::BTreeSet;
@@ -281,4 +282,109 @@ fn vehicles_are_paired_by_name_and_those_of_one_run_alone_are_told() {
     assert!(said.contains("no vehicle in common, by name: leader, follower, and tram, bus"), "{said}");
     let said = RunPair::new(run("straight", 1.0), run("platoon", 1.0)).unwrap_err().to_string();
     assert!(said.contains("the maps differ ("), "{said}");
+}
+
+/// A run of the roundabout of which one vehicle is not measured for a while: the city keeps it at a place, with zeros.
+fn with_an_unseen_vehicle(id: VehicleId, (from_s, to_s): (f64, f64)) -> RunLog {
+    let (text, library) = Library::scenario("roundabout").unwrap();
+    let overrides = Overrides { duration_s: Some(20.0), ..Overrides::default() };
+    let experiment = Arc::new(read_experiment("roundabout", &text, &library, overrides).unwrap());
+    let mut run = Run::new(Arc::clone(&experiment)).unwrap();
+    let mut builder = TraceBuilder::new(Arc::clone(&experiment));
+    let mut kept = None;
+    while run.snapshot().tick < experiment.ticks() {
+        let snapshot = run.snapshot();
+        for vehicle in snapshot.vehicles.iter().filter(|_| snapshot.tick.is_multiple_of(2)) {
+            let mut state = vehicle.clone();
+            if state.id == id && (from_s..to_s).contains(&snapshot.time_s) {
+                let pose = *kept.get_or_insert((state.position, state.orientation));
+                (state.position, state.orientation) = pose;
+                (state.status, state.speed_mps, state.acceleration_mps2) = (Status::Unseen, 0.0, 0.0);
+            }
+            builder.see(snapshot.time_s, &state);
+        }
+        run.step();
+    }
+    builder.finish(LogOrigin::Run)
+}
+
+#[test]
+fn a_vehicle_that_is_not_tracked_has_gaps_and_no_zeros() {
+    let (id, hidden_s) = (VehicleId(4), (3.0, 5.0));
+    let is_hidden = |time_s: f64| time_s > hidden_s.0 + 1e-6 && time_s < hidden_s.1 - 0.021;
+    let log = with_an_unseen_vehicle(id, hidden_s);
+    let trace = log.vehicle(id).unwrap();
+    let least_mps = trace.samples.iter().map(|sample| sample.speed_mps).fold(f64::INFINITY, f64::min);
+    assert!(least_mps > 1.0, "it drives all the time: {least_mps}");
+    let [run] = [&log];
+    for quantity in [Quantity::Speed, Quantity::Acceleration, Quantity::Distance, Quantity::Gap] {
+        let figure = SeriesFigure {
+            quantity,
+            scale: FigureScale::City,
+            experiment: &run.experiment,
+            span_s: (0.0, 20.0),
+            shown: vec![trace],
+            all: &run.vehicles,
+        };
+        let figure = figure.draw(true);
+        let line = &figure.panels[0].lines[0].points;
+        assert!(line.iter().filter(|(s, _)| is_hidden(*s)).all(|(_, value)| value.is_nan()), "{quantity:?}");
+        assert!(figure.note.ends_with("A gap: the vehicle was not tracked."), "{}", figure.note);
+        let cell = |row: &&Vec<String>| row[3] == "4.000";
+        assert_eq!(figure.table.rows.iter().find(cell).unwrap()[4], "", "{quantity:?}");
+    }
+    let runs = [log];
+    let (figures, ..) = figures(&runs, None);
+    for name in ["space_time", "position", "speed_path_1", "speed_path_2"] {
+        let rows = &of(&figures, name).table.rows;
+        let times = rows.iter().filter(|row| row[2] == "4").map(|row| row[4].parse::<f64>().unwrap());
+        assert_eq!(times.filter(|time_s| is_hidden(*time_s)).count(), 0, "{name}");
+    }
+    let is_line = |line: &&ChartLine| line.points.iter().all(|(s, m)| s.is_finite() && m.is_finite());
+    let across = |line: &&ChartLine| {
+        line.points.windows(2).any(|pair| pair[0].0 < hidden_s.0 && pair[1].0 > hidden_s.1)
+    };
+    let panels = &of(&figures, "space_time").panels;
+    let lines = panels.iter().flat_map(|panel| &panel.lines);
+    assert_eq!(lines.filter(is_line).filter(across).count(), 0, "no line leads over the gap");
+    let speeds = &of(&figures, "speed_time").panels[0].lines;
+    let means = speeds.iter().flat_map(|line| &line.points).filter(|(_, value)| value.is_finite());
+    assert!(means.map(|(_, value)| *value).fold(f64::INFINITY, f64::min) > -0.01);
+    let own = &runs[0].vehicle(id).unwrap();
+    let mean = moving_average(own);
+    let zeros = mean.iter().filter(|value| **value < 1.0).count();
+    assert_eq!((zeros, mean.iter().filter(|value| value.is_nan()).count()), (0, 100));
+}
+
+#[test]
+fn titles_and_tables_of_one_run_tell_scenario_seed_and_environment() {
+    let (figures, ..) = figures(&[run("roundabout", 8.0)], None);
+    let figure = of(&figures, "space_time");
+    assert_eq!(figure.title, "roundabout, seed 2, ideal environment: space-time diagram");
+    assert_eq!(figure.table.rows[0][0], "roundabout, seed 2, ideal environment");
+}
+
+#[test]
+fn the_way_of_a_vehicle_shows_everybody_on_its_lanes_from_its_front() {
+    let log = run("roundabout", 20.0);
+    let way = |of: u32, is_whole: bool| {
+        let (scale, span_s) = (FigureScale::City, if is_whole { (0.0, 20.0) } else { (10.0, 20.0) });
+        WayFigure { run: &log, of: VehicleId(of), scale, span_s, is_whole }.draw().unwrap()
+    };
+    let figure = way(2, true);
+    assert_eq!(figure.legend[0].name, "2 path1_b");
+    let panel = &figure.panels[0];
+    let own = &panel.lines[0].points;
+    assert!(own.last().unwrap().1.abs() < 0.01 && own[0].1 < -30.0, "{own:?}");
+    assert!(panel.lines[0].stroke.width_pt > panel.lines[1].stroke.width_pt);
+    // Who is ahead on the same lanes is as far ahead as the poses say.
+    let first = figure.legend.iter().position(|entry| entry.name == "1 path1_a").unwrap();
+    let of = |id| &log.vehicle(VehicleId(id)).unwrap().samples[10];
+    let apart_m = of(1).pose.position.distance(of(2).pose.position);
+    let (ahead_m, own_m) = (panel.lines[first].points[10].1, own[10].1);
+    assert!((ahead_m - own_m - apart_m).abs() < 0.5, "{ahead_m} {own_m} {apart_m}");
+    let near = way(2, false);
+    assert_eq!((near.panels[0].x, near.panels[0].y), ((10.0, 20.0), (-WAY_BEHIND_M, WAY_AHEAD_M)));
+    assert!(near.table.rows.iter().all(|row| row[3].parse::<f64>().unwrap() >= 10.0));
+    assert!(figure.title.ends_with("space-time diagram, the way of 2 path1_b"), "{}", figure.title);
 }

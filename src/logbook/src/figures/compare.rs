@@ -340,6 +340,9 @@ fn gaps(run: &RunLog) -> Vec<MinimumGap> {
                 let Some(same) = other.peek().filter(|next| next.time_s <= sample.time_s + 1e-6) else {
                     continue;
                 };
+                if !(sample.is_seen && same.is_seen) {
+                    continue;
+                }
                 let between = sample.pose.position.distance(same.pose.position);
                 if least.is_some_and(|least| between - reach_m >= least.gap_m) {
                     continue;
@@ -456,7 +459,8 @@ fn apart(a: &RunLog, b: &RunLog) -> Vec<RunSeparation> {
     let mut found = Vec::new();
     for trace in &a.vehicles {
         let Some(other) = b.vehicle(trace.id) else { continue };
-        let all = differences(trace, other);
+        let mut all = differences(trace, other);
+        all.retain(|(_, apart_m)| apart_m.is_finite());
         let Some((max_at_s, max_m)) = all.iter().copied().max_by(|x, y| x.1.total_cmp(&y.1)) else {
             continue;
         };

@@ -2,6 +2,7 @@
 
 use super::run::RunLog;
 use city3d_simulation::environment::EnvironmentSpec;
+use city3d_simulation::scenario::Experiment;
 use std::collections::BTreeSet;
 
 impl RunLog {
@@ -17,10 +18,16 @@ impl RunLog {
     }
 }
 
-/// Labels of runs: that of a single one is its environment, those of several are what they differ in.
+/// What a run is of: scenario, seed and environment, and whether physical vehicles take part.
+pub(super) fn conditions(experiment: &Experiment, has_physical: bool) -> String {
+    let physical = if has_physical { ", physical vehicles" } else { "" };
+    format!("{}, {}{physical}", experiment.name, experiment.conditions())
+}
+
+/// Labels of runs: that of a single one tells its scenario, seed and environment, those of several are what they differ in.
 pub(super) fn labels(runs: &[RunLog]) -> Vec<String> {
     if let [run] = runs {
-        return vec![run.setting().to_owned()];
+        return vec![conditions(&run.experiment, run.has_physical)];
     }
     let aspects: [Vec<String>; 5] = [
         runs.iter().map(|run| run.experiment.name.clone()).collect(),

@@ -19,6 +19,7 @@ mod table;
 mod track;
 mod vehicle_views;
 mod views;
+mod way;
 
 pub use compare::{Comparison, ComparisonRow, ComparisonValue, RunHeader, RunSeparation};
 pub use draw::{DrawError, FigureSize, WriteError, png, svg, write};
@@ -35,3 +36,4 @@ pub use style::distinct_styles;
 pub use table::{TidyTable, number};
 pub use track::{LaneVisit, MatchedPath};
 pub use views::FigureSet;
+pub use way::{WAY_AHEAD_M, WAY_BEHIND_M, WayFigure};

@@ -87,7 +87,7 @@ impl FigureSet<'_> {
                     let time_s = |k: usize| trace.samples[k].time_s;
                     let line = points.iter().map(|&(k, m, _)| (time_s(k), m)).collect();
                     panel.lines.push(ChartLine { points: line, stroke: self.style_on(stream, trace.id) });
-                    for (k, position, _) in points {
+                    for (k, position, _) in points.into_iter().filter(|(_, m, _)| m.is_finite()) {
                         figure.table.rows.push(vec![
                             self.labels[run].clone(),
                             self.streams[run][stream].name.clone(),

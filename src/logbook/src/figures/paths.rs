@@ -244,6 +244,7 @@ pub fn crossings(run: &RunLog, merge: &MergingPoint) -> Vec<(f64, VehicleId)> {
                 .samples
                 .iter()
                 .enumerate()
+                .filter(|(_, sample)| sample.is_seen)
                 .map(|(k, sample)| (sample.time_s, trace.front_m(k)))
                 .collect();
             let step = fronts.windows(2).find(|pair| pair[0].1 < zero_m && pair[1].1 >= zero_m);

@@ -1,6 +1,7 @@
 //! Quantities of vehicles over time: one figure for several vehicles.
 
 use super::chart::{ChartLine, Dash, Figure, LegendEntry, LineStyle, PALETTE, Panel};
+use super::labels::conditions;
 use super::run::Trace;
 use super::style::distinct_styles;
 use super::table::{TidyTable, number};
@@ -150,13 +151,13 @@ impl Quantity {
         }
     }
 
-    /// Values of a trace over time in SI units at full scale; NaN where there is none. `all`: every trace of the run,
+    /// Values of a trace over time in SI units at full scale; NaN where there is none, and where it was not measured. `all`: every trace of the run,
     /// matched to lanes where the quantity needs them.
     fn values(self, trace: &Trace, all: &[Trace], experiment: &Experiment) -> Vec<(f64, f64)> {
         let direct = |of: fn(&super::run::TraceSample) -> f64| {
             trace.samples.iter().map(|sample| (sample.time_s, of(sample))).collect()
         };
-        match self {
+        let mut values: Vec<(f64, f64)> = match self {
             Self::Speed => direct(|sample| sample.speed_mps),
             Self::Acceleration => direct(|sample| sample.acceleration_mps2),
             Self::LateralError => direct(|sample| sample.lateral_error_m),
@@ -174,20 +175,24 @@ impl Quantity {
                     _ => (time_s, f64::NAN),
                 })
                 .collect(),
+        };
+        for ((_, value), sample) in values.iter_mut().zip(&trace.samples) {
+            *value = if sample.is_seen { *value } else { f64::NAN };
         }
+        values
     }
 }
 
 /// Where a vehicle was: place of its sample, its lane, and its front bumper along that lane.
 #[derive(Clone, Copy)]
-struct LaneStation {
-    sample: usize,
-    lane: LaneId,
-    front_m: f64,
+pub(super) struct LaneStation {
+    pub sample: usize,
+    pub lane: LaneId,
+    pub front_m: f64,
 }
 
 /// Beginnings of the lanes of a trace, and of those that it has yet to drive by its route, along its way, city metres.
-fn lane_starts(trace: &Trace, experiment: &Experiment) -> BTreeMap<LaneId, Vec<f64>> {
+pub(super) fn lane_starts(trace: &Trace, experiment: &Experiment) -> BTreeMap<LaneId, Vec<f64>> {
     let mut starts: BTreeMap<LaneId, Vec<f64>> = BTreeMap::new();
     for visit in &trace.track.visits {
         starts.entry(visit.lane).or_default().push(visit.start_m);
@@ -236,7 +241,7 @@ fn gaps(trace: &Trace, all: &[Trace], experiment: &Experiment) -> Vec<(f64, f64)
 }
 
 /// The lanes of a trace, sample by sample.
-fn stations(trace: &Trace) -> impl Iterator<Item = LaneStation> {
+pub(super) fn stations(trace: &Trace) -> impl Iterator<Item = LaneStation> {
     let ahead_m = (trace.dimensions.length_m - trace.dimensions.wheelbase_m) / 2.0;
     let of = move |(sample, station_m): (usize, &f64)| {
         let visits = &trace.track.visits;
@@ -279,7 +284,8 @@ impl SeriesFigure<'_> {
             y_label: format!("{}{in_unit}", quantity.label()),
             ..Panel::default()
         };
-        let mut table = TidyTable::new(&["vehicle", "name", "time_s", quantity.column()]);
+        let mut table = TidyTable::new(&["run", "vehicle", "name", "time_s", quantity.column()]);
+        let of_run = self.conditions();
         let mut legend = Vec::new();
         let within = |&(time_s, _): &(f64, f64)| (self.span_s.0..=self.span_s.1).contains(&time_s);
         for (trace, stroke) in self.shown.iter().zip(distinct_styles(self.shown.len())) {
@@ -292,7 +298,7 @@ impl SeriesFigure<'_> {
             if with_table {
                 let row = |&(time_s, value): &(f64, f64)| {
                     let (id, name) = (trace.id.to_string(), trace.name.clone());
-                    vec![id, name, number(time_s, 3), number(value, 6)]
+                    vec![of_run.clone(), id, name, number(time_s, 3), number(value, 6)]
                 };
                 table.rows.extend(values.iter().map(row));
             }
@@ -311,15 +317,28 @@ impl SeriesFigure<'_> {
         let frame = if quantity.is_length() { frame } else { "" };
         Figure {
             name: quantity.label().to_lowercase().replace(' ', "_"),
-            title: format!("{}: {}", self.experiment.name, quantity.label().to_lowercase()),
+            title: format!("{of_run}: {}", quantity.label().to_lowercase()),
             panels: vec![panel],
             columns: 1,
             row_height: 0.5,
             legend,
             scale: None,
-            note: format!("{} {frame}", quantity.note()).trim_end().to_owned(),
+            note: format!("{} {frame}", quantity.note()).trim_end().to_owned() + self.gaps_note(),
             table,
         }
+    }
+
+    /// What the run is of.
+    fn conditions(&self) -> String {
+        conditions(self.experiment, self.experiment.physical().next().is_some())
+    }
+
+    /// Why lines have gaps, where a vehicle was not measured.
+    fn gaps_note(&self) -> &'static str {
+        let (from_s, to_s) = self.span_s;
+        let mut samples = self.shown.iter().flat_map(|trace| &trace.samples);
+        let has_gap = samples.any(|sample| !sample.is_seen && (from_s..=to_s).contains(&sample.time_s));
+        if has_gap { " A gap: the vehicle was not tracked." } else { "" }
     }
 }
 
@@ -468,8 +487,10 @@ mod tests {
         let sample = traces[0].samples[30];
         let [kmh, mps] = [&city, &lab].map(|figure| figure.panels[0].lines[0].points[30].1);
         assert!((kmh - sample.speed_mps * 3.6).abs() < 1e-9 && (mps - sample.speed_mps / 25.0).abs() < 1e-9);
-        assert_eq!(city.table.columns, ["vehicle", "name", "time_s", "speed_mps"]);
-        assert_eq!(city.table.rows[30][3], number(sample.speed_mps, 6));
+        assert_eq!(city.table.columns, ["run", "vehicle", "name", "time_s", "speed_mps"]);
+        assert_eq!(city.table.rows[30][4], number(sample.speed_mps, 6));
+        assert_eq!(city.title, "straight, seed 1, ideal environment: speed");
+        assert_eq!(city.table.rows[30][0], "straight, seed 1, ideal environment");
         assert_eq!(city.legend.len(), traces.len());
     }
 

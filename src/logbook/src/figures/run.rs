@@ -8,6 +8,7 @@ use city3d_protocol::snapshot::{
 };
 use city3d_protocol::wire::Body;
 use city3d_roadmap::LaneIndex;
+use city3d_simulation::measures::is_tracked;
 use city3d_simulation::scenario::Experiment;
 use glam::DVec2;
 use std::collections::BTreeMap;
@@ -41,11 +42,14 @@ pub enum RunError {
     },
 }
 
-/// A vehicle in one snapshot of a log, city metres and SI units.
+/// A vehicle in one snapshot of a log, city metres and SI units. Of one that was not measured, pose and distance are the last
+/// ones, and all else is NaN.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TraceSample {
     /// Simulated time of the snapshot, seconds.
     pub time_s: f64,
+    /// Whether its motion was known: a physical vehicle may not be measured.
+    pub is_seen: bool,
     /// Middle of the outline.
     pub pose: Pose2,
     /// Along the heading.
@@ -91,11 +95,12 @@ impl Trace {
         self.track.stations_m[sample] + (self.dimensions.length_m - self.dimensions.wheelbase_m) / 2.0
     }
 
-    /// Station of the front bumper at the first sample that is not before a time, city metres; NaN off the lanes and
-    /// after the last sample.
+    /// Station of the front bumper at the first sample of known motion that is not before a time, city metres; NaN off the
+    /// lanes and after the last sample.
     pub fn front_at_m(&self, time_s: f64) -> f64 {
-        let sample = self.samples.partition_point(|sample| sample.time_s < time_s);
-        if sample < self.samples.len() { self.front_m(sample) } else { f64::NAN }
+        let first = self.samples.partition_point(|sample| sample.time_s < time_s);
+        let seen = self.samples[first..].iter().position(|sample| sample.is_seen);
+        seen.map_or(f64::NAN, |later| self.front_m(first + later))
     }
 }
 
@@ -225,6 +230,10 @@ impl TraceBuilder {
             let axle_m = trace.dimensions.front_axle_m();
             let poses: Vec<Pose2> = trace.samples.iter().map(|sample| sample.pose.advanced(axle_m)).collect();
             trace.track = MatchedPath::of(&experiment.city_map, &lanes, &poses);
+            // Nobody knows where it was.
+            for (k, _) in trace.samples.iter().enumerate().filter(|(_, sample)| !sample.is_seen) {
+                (trace.track.stations_m[k], trace.track.lateral_m[k]) = (f64::NAN, f64::NAN);
+            }
             if !origin.has_world() {
                 // Logs of poses have no desired path: the offset from the lane centre replaces the lateral error.
                 let lateral = trace.track.lateral_m.iter();
@@ -295,19 +304,23 @@ impl TraceBuilder {
         let pose = state.pose();
         let axle = pose.point_at(trace.dimensions.front_axle_m(), 0.0);
         let wanted = self.wanted.get(&state.id).and_then(|trajectory| wanted_at(trajectory, time_s));
+        // The zeros of a vehicle that is not measured are no measurements.
+        let is_seen = is_tracked(state, self.experiment.is_physical(state.id));
+        let known = |value: f64| if is_seen { value } else { f64::NAN };
         trace.samples.push(TraceSample {
             time_s,
+            is_seen,
             pose,
-            speed_mps: state.speed_mps,
-            acceleration_mps2: state.acceleration_mps2,
-            yaw_rate_radps: state.yaw_rate_radps,
-            steering_rad: state.steering_rad,
+            speed_mps: known(state.speed_mps),
+            acceleration_mps2: known(state.acceleration_mps2),
+            yaw_rate_radps: known(state.yaw_rate_radps),
+            steering_rad: known(state.steering_rad),
             distance_m: state.distance_m,
-            lateral_error_m: state.tracked_lateral_error_m().unwrap_or(f64::NAN),
-            gas: state.gas,
-            brake: state.brake,
-            handbrake: state.handbrake,
-            tracking_error_m: wanted.map_or(f64::NAN, |wanted| wanted.distance(axle)),
+            lateral_error_m: known(state.tracked_lateral_error_m().unwrap_or(f64::NAN)),
+            gas: known(state.gas),
+            brake: known(state.brake),
+            handbrake: known(state.handbrake),
+            tracking_error_m: known(wanted.map_or(f64::NAN, |wanted| wanted.distance(axle))),
         });
     }
 }

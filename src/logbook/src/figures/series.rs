@@ -19,6 +19,11 @@ pub(super) fn by_speed(trace: &Trace, points: &[(usize, f64, f64)], fastest: f64
     let mut lines: Vec<ChartLine> = Vec::new();
     let mut last: Option<(f64, (f64, f64))> = None;
     for &(k, position, speed) in points {
+        // A gap.
+        if !position.is_finite() {
+            last = None;
+            continue;
+        }
         let (here, point) = (step(speed), (trace.samples[k].time_s, position));
         match (last, lines.last_mut()) {
             (Some((before, _)), Some(line)) if before == here => line.points.push(point),
@@ -66,20 +71,24 @@ fn speed_at(segment: &PathSegment<'_>, position: f64) -> Option<f64> {
     Some(if b > a { from + (to - from) * (position - a) / (b - a) } else { from })
 }
 
-/// Centred moving average of the speeds of a trace, with a window of [`AVERAGED_S`].
+/// Centred moving average of the speeds of a trace, with a window of [`AVERAGED_S`]; NaN where it was not measured.
 pub fn moving_average(trace: &Trace) -> Vec<f64> {
     let samples = &trace.samples;
-    let (mut from, mut to, mut sum) = (0, 0, 0.0);
+    let (mut from, mut to, mut sum, mut count) = (0, 0, 0.0, 0_u32);
     let mean = |sample: &TraceSample| {
         while to < samples.len() && samples[to].time_s <= sample.time_s + AVERAGED_S / 2.0 + ROUNDING_S {
-            sum += samples[to].speed_mps;
+            if samples[to].is_seen {
+                (sum, count) = (sum + samples[to].speed_mps, count + 1);
+            }
             to += 1;
         }
         while samples[from].time_s < sample.time_s - AVERAGED_S / 2.0 - ROUNDING_S {
-            sum -= samples[from].speed_mps;
+            if samples[from].is_seen {
+                (sum, count) = (sum - samples[from].speed_mps, count - 1);
+            }
             from += 1;
         }
-        sum / (to - from) as f64
+        if sample.is_seen { sum / f64::from(count) } else { f64::NAN }
     };
     samples.iter().map(mean).collect()
 }
@@ -94,7 +103,8 @@ const GAP_S: f64 = 0.25;
 /// `is_told`: the distances are those of the vehicle. Otherwise they are estimates, and the distance is the
 /// trapezoidal integral of the speeds.
 pub fn step_speeds(trace: &Trace, is_told: bool) -> BTreeMap<i64, f64> {
-    let samples = &trace.samples;
+    // What was not measured is a gap.
+    let samples: Vec<TraceSample> = trace.samples.iter().filter(|sample| sample.is_seen).copied().collect();
     let mut ways: Vec<f64> = samples.iter().map(|sample| sample.distance_m).collect();
     for k in 1..if is_told { 0 } else { samples.len() } {
         let dt_s = samples[k].time_s - samples[k - 1].time_s;
@@ -157,7 +167,8 @@ pub fn step_samples(trace: &Trace) -> impl Iterator<Item = &TraceSample> {
 /// RMS (root mean square) of the speed difference of two traces at their common times, full scale; NaN without common
 /// times.
 pub fn rms_speed_difference(a: &Trace, b: &Trace) -> f64 {
-    let (sum, count) = pairs(a, b).fold((0.0, 0.0), |(sum, count), (one, other)| {
+    let seen = pairs(a, b).filter(|(one, other)| one.is_seen && other.is_seen);
+    let (sum, count) = seen.fold((0.0, 0.0), |(sum, count), (one, other)| {
         (sum + trig::powi(one.speed_mps - other.speed_mps, 2), count + 1.0)
     });
     f64::sqrt(sum / count)
@@ -174,10 +185,12 @@ fn pairs<'t>(a: &'t Trace, b: &'t Trace) -> impl Iterator<Item = (&'t TraceSampl
     })
 }
 
-/// Distance between two traces at their common times, city metres.
+/// Distance between two traces at their common times, city metres; NaN where one of them was not measured.
 pub fn differences(a: &Trace, b: &Trace) -> Vec<(f64, f64)> {
     let apart = |(one, other): (&TraceSample, &TraceSample)| {
-        (one.time_s, one.pose.position.distance(other.pose.position))
+        let is_seen = one.is_seen && other.is_seen;
+        let apart_m = one.pose.position.distance(other.pose.position);
+        (one.time_s, if is_seen { apart_m } else { f64::NAN })
     };
     pairs(a, b).map(apart).collect()
 }

@@ -12,9 +12,10 @@ const MOST_ROWS: usize = 8;
 
 /// Whether all values of a figure are more than half of the largest one.
 fn is_narrow(figure: &Figure) -> bool {
-    let values = || figure.panels.iter().flat_map(|panel| &panel.lines).flat_map(|line| &line.points);
-    let most = values().map(|(_, value)| *value).fold(0.0, f64::max);
-    most > LEAST_SPEED_MPS && values().all(|(_, value)| *value > 0.5 * most)
+    let points = || figure.panels.iter().flat_map(|panel| &panel.lines).flat_map(|line| &line.points);
+    let values = || points().map(|(_, value)| *value).filter(|value| value.is_finite());
+    let most = values().fold(0.0, f64::max);
+    most > LEAST_SPEED_MPS && values().all(|value| value > 0.5 * most)
 }
 
 impl FigureSet<'_> {

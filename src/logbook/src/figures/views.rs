@@ -33,7 +33,8 @@ pub struct FigureSet<'a> {
     pub(super) scale: Option<FigureScale>,
 }
 
-/// A trace segment of a vehicle on a path: sample index, position and averaged speed in laboratory units.
+/// A trace segment of a vehicle on a path: sample index, position and averaged speed in laboratory units; NaN where it was
+/// not measured, so that lines have a gap there.
 pub(super) struct PathSegment<'r> {
     pub(super) trace: &'r Trace,
     pub(super) points: Vec<(usize, f64, f64)>,
@@ -42,7 +43,8 @@ pub(super) struct PathSegment<'r> {
 impl PathSegment<'_> {
     /// Its rows in a table, by [`FigureSet::segment_columns`].
     pub(super) fn rows(&self, run: &str, path: &str) -> impl Iterator<Item = Vec<String>> {
-        self.points.iter().map(move |&(k, position, speed)| {
+        let told = self.points.iter().filter(|(_, position, _)| position.is_finite());
+        told.map(move |&(k, position, speed)| {
             vec![
                 run.to_owned(),
                 path.to_owned(),
@@ -124,7 +126,7 @@ impl<'a> FigureSet<'a> {
         let mut names: Vec<&str> = self.runs.iter().map(|run| run.experiment.name.as_str()).collect();
         names.dedup();
         match self.runs.len() {
-            1 => format!("{}, {}: {what}", names[0], self.labels[0]),
+            1 => format!("{}: {what}", self.labels[0]),
             _ => format!("{}: {what}", names.join(" and ")),
         }
     }
@@ -183,6 +185,9 @@ impl<'a> FigureSet<'a> {
             let trace = log.vehicle(member.vehicle)?;
             let speeds = moving_average(trace);
             let at = |k: usize| {
+                if !trace.samples[k].is_seen {
+                    return Some((k, f64::NAN, f64::NAN));
+                }
                 self.layout
                     .position_m(trace, member, k)
                     .map(|m| (k, self.metres(m), self.speed_of(speeds[k])))

@@ -2,6 +2,7 @@
 
 use super::playhead::{FrameTimer, PlaybackCommand, Playhead, SeekTarget, TIME_TOLERANCE_S};
 use crate::{ControlInsight, PastState, RunHistory, RunState};
+use city3d_protocol::snapshot::FrameSnapshot;
 use city3d_simulation::scenario::Experiment;
 use std::sync::Arc;
 use std::time::Instant;
@@ -88,6 +89,8 @@ impl PastPlayer {
             {
                 return self.go_live();
             }
+            // An event is shown at its very time, also between two kept states.
+            (PlaybackCommand::Show(_), Some(SeekTarget::NotBefore(time_s))) => head.at_s = time_s,
             (_, Some(target)) => {
                 let place = place_of(target, history.states());
                 head.at_s = history.states()[place].time_s();
@@ -131,9 +134,12 @@ impl PastPlayer {
         let (from_s, to_s) = (pair[0].time_s(), pair[1].time_s());
         let weight =
             if to_s > from_s { ((head.at_s - from_s) / (to_s - from_s)).clamp(0.0, 1.0) } else { 1.0 };
-        head.before_s = from_s;
+        let is_between = !head.is_playing && to_s - head.at_s > TIME_TOLERANCE_S && weight > 0.0;
+        // Between two kept states a neighbouring event may be nearer than a state.
+        head.before_s = if is_between { head.at_s - 2.0 * TIME_TOLERANCE_S } else { from_s };
         self.head = Some(head);
-        Some((self.show(pair, live, (history, experiment)), weight))
+        let shown = self.show(pair, live, (history, experiment));
+        Some(if is_between { (between(&shown, weight), 1.0) } else { (shown, weight) })
     }
 
     /// The state of the run with past snapshots in place of the present ones.
@@ -166,6 +172,13 @@ impl PastPlayer {
         self.shown = Some(ShownPair { states, run_state: Arc::clone(&run_state) });
         run_state
     }
+}
+
+/// A state between `before` and `now`, at the time of an event: numbers and picture are of that time.
+fn between(shown: &RunState, weight: f64) -> Arc<RunState> {
+    let mut now = FrameSnapshot::default();
+    now.blend(&shown.before, &shown.now, weight);
+    Arc::new(RunState { now: Arc::new(now), ..shown.clone() })
 }
 
 /// The place of the state that a seek is for; there is at least one.
@@ -287,6 +300,28 @@ mod tests {
     }
 
     #[test]
+    fn an_event_between_two_kept_states_is_shown_at_its_time_in_picture_and_numbers() {
+        let mut past = Past::after(300);
+        let mut reference = Run::new(Arc::clone(past.run.experiment())).unwrap();
+        (0..123).for_each(|_| _ = reference.step());
+        past.command(PlaybackCommand::Show(1.23));
+        let (time_s, x) = past.shown(10).unwrap();
+        let true_x = reference.snapshot().vehicles[0].position.x;
+        assert!((time_s - 1.23).abs() < 1e-9 && (x - true_x).abs() < 0.02, "{time_s} s: {x}, {true_x} m");
+        let (live, experiment) = (past.live(), Arc::clone(past.run.experiment()));
+        let (state, _) = past.player.advance(past.now, &live, &past.history, &experiment).unwrap();
+        assert!((state.now.time_s - 1.23).abs() < 1e-9, "the numbers too: {}", state.now.time_s);
+        let head = past.player.head(&live, &past.history);
+        assert!((head.at_s - 1.23).abs() < 1e-9 && head.at_s - head.before_s < 0.01, "{head:?}");
+        // Steps lead to the states around it, and the playback goes on from there.
+        past.command(PlaybackCommand::Step { forward: false });
+        assert!((past.shown(10).unwrap().0 - 1.2).abs() < 1e-9);
+        past.command(PlaybackCommand::Show(1.23));
+        past.command(PlaybackCommand::Step { forward: true });
+        assert!((past.shown(10).unwrap().0 - 1.3).abs() < 1e-9);
+    }
+
+    #[test]
     fn in_the_present_only_what_leads_back_does_and_another_run_is_seen_live() {
         let mut past = Past::after(300);
         for command in [
@@ -301,7 +336,7 @@ mod tests {
             assert_eq!(past.shown(10), None, "{command:?}");
         }
         past.command(PlaybackCommand::Show(1.23));
-        assert!((past.shown(10).unwrap().0 - 1.3).abs() < 1e-9, "the first state not before it");
+        assert!((past.shown(10).unwrap().0 - 1.23).abs() < 1e-9, "its very time");
         let next_run = RunState { run: 2, ..past.live() };
         let experiment = Arc::clone(past.run.experiment());
         assert!(past.player.advance(past.now, &next_run, &past.history, &experiment).is_none());

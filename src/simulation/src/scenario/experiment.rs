@@ -285,7 +285,9 @@ impl Experiment {
 
     /// Whether another seed makes another run.
     pub fn depends_on_seed(&self) -> bool {
-        self.traffic_is_drawn || self.environment != EnvironmentSpec::IDEAL
+        // The testbed of physical vehicles draws noise and occlusions, whatever the environment of the others.
+        let has_noisy_testbed = self.testbed != EnvironmentSpec::IDEAL && self.physical().next().is_some();
+        self.traffic_is_drawn || self.environment != EnvironmentSpec::IDEAL || has_noisy_testbed
     }
 
     /// Seed and environment of its runs, in words.

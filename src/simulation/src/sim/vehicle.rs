@@ -136,7 +136,7 @@ impl SimVehicle {
         self.last_trajectory_s = Some(time_s);
         self.is_finished = trajectory.finished;
         self.is_yielding = trajectory.yielding;
-        if self.state.status != Status::Unseen {
+        if self.is_seen() != Some(false) {
             self.state.indicator = trajectory.indicator;
         }
         self.tracker.follow(trajectory);
@@ -274,6 +274,10 @@ impl SimVehicle {
         self.describe();
         self.note_standing(time_s, events);
         self.note_status(before, time_s, events);
+        // Its status tells of the collision; that it is not measured has to be seen as well.
+        if self.has_collided && self.is_seen() == Some(false) {
+            self.state.indicator = Indicator::Hazard;
+        }
     }
 
     fn describe(&mut self) {

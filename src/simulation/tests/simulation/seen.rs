@@ -100,3 +100,19 @@ fn noise_makes_no_stops() {
     };
     are_alike(seen("roundabout", noisy), 0.02);
 }
+
+#[test]
+fn the_seed_makes_another_run_of_physical_vehicles_and_none_of_simulated_ones_alone() {
+    let hash = |scenario: &str, seed: u64| {
+        let (text, library) = Library::scenario(scenario).unwrap();
+        let overrides = Overrides { seed: Some(seed), ..Overrides::default() };
+        let experiment = read_experiment(scenario, &text, &library, overrides).unwrap();
+        let depends = experiment.depends_on_seed();
+        let mut run = Run::new(Arc::new(experiment)).unwrap();
+        ((0..200).fold(0, |_, _| run.step().state_hash), depends)
+    };
+    for (scenario, depends) in [("mixed", true), ("straight", false)] {
+        let [a, b] = [3, 4].map(|seed| hash(scenario, seed));
+        assert_eq!((a.0 != b.0, a.1), (depends, depends), "{scenario}");
+    }
+}

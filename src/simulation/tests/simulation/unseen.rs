@@ -3,9 +3,13 @@
 use city3d_control::Mainframe;
 use city3d_geometry::lab::Pose2;
 use city3d_geometry::{Lab, OrientedRect};
-use city3d_protocol::snapshot::{Trajectory, TrajectoryPoint, VehicleId};
+use city3d_protocol::snapshot::{
+    Indicator, MeasuredPose, SimCommand, Status, Trajectory, TrajectoryPoint, VehicleId,
+};
 use city3d_protocol::wire::{Measurement, Message};
+use city3d_simulation::measures::is_tracked;
 use city3d_simulation::scenario::{Experiment, Library, Overrides, read_experiment};
+use city3d_simulation::sim::World;
 use glam::{DQuat, DVec3};
 use std::collections::{BTreeMap, VecDeque};
 use std::sync::Arc;
@@ -231,4 +235,34 @@ fn nobody_runs_into_a_vehicle_that_is_lost() {
         }
     }
     assert!(stood > 10, "others had to stop {stood} times");
+}
+
+/// A rammed vehicle of the laboratory has the status of its collision; that nobody measures it is told by its indicators.
+#[test]
+fn a_rammed_vehicle_that_is_lost_flashes_and_has_no_known_motion() {
+    let (text, library) = Library::scenario("mixed").unwrap();
+    let experiment = read_experiment("mixed", &text, &library, Overrides::default()).unwrap();
+    let experiment = Arc::new(experiment);
+    let mut world = World::new(Arc::clone(&experiment));
+    let mut snapshot = world.snapshot();
+    world.tick_into(&[SimCommand::Start], &mut snapshot);
+    let lab = experiment.physical().next().unwrap().0.id;
+    // It is measured where a simulated one is, and moves with it.
+    let other = snapshot.vehicles.iter().find(|vehicle| !experiment.is_physical(vehicle.id)).unwrap().clone();
+    let pose = |time_s: f64| MeasuredPose {
+        stamp_s: time_s,
+        position: other.position + other.orientation * DVec3::X * (1.0 + 2.0 * time_s),
+        orientation: other.orientation,
+    };
+    let mut tick = |world: &mut World, is_seen: bool| {
+        let command = SimCommand::Measure(lab, pose(snapshot.time_s));
+        world.tick_into(if is_seen { std::slice::from_ref(&command) } else { &[] }, &mut snapshot);
+        let state = snapshot.vehicle(lab).unwrap();
+        (state.status, state.indicator, is_tracked(state, true))
+    };
+    let seen = (0..50).fold(None, |_, _| Some(tick(&mut world, true))).unwrap();
+    assert_eq!((seen.0, seen.2), (Status::Collided, true), "{seen:?}");
+    assert_ne!(seen.1, Indicator::Hazard);
+    let lost = (0..50).fold(None, |_, _| Some(tick(&mut world, false))).unwrap();
+    assert_eq!(lost, (Status::Collided, Indicator::Hazard, false));
 }

@@ -1,6 +1,7 @@
 //! The panel Charts: quantities of several vehicles over time, and the figures of `city3d plot`, while a run goes on.
 
 pub(super) mod hover;
+mod labels;
 mod plot;
 
 use super::events::named;
@@ -23,17 +24,20 @@ pub enum ChartKind {
     Positions,
     /// Speed against position along the first path.
     SpeedAlongPath,
+    /// Everybody on the lanes of one vehicle over time, as the panel Traffic shows it.
+    Way,
 }
 
 impl ChartKind {
     /// The kinds that are not over time for one vehicle each.
-    const FIGURES: [Self; 3] = [Self::SpaceTime, Self::Positions, Self::SpeedAlongPath];
+    const FIGURES: [Self; 4] = [Self::SpaceTime, Self::Way, Self::Positions, Self::SpeedAlongPath];
 
     /// Its name.
     pub fn label(self) -> &'static str {
         match self {
             Self::Series(quantity) => quantity.label(),
             Self::SpaceTime => "Space-time diagram",
+            Self::Way => "Space-time diagram of its way",
             Self::Positions => "Positions, aligned at the merging point",
             Self::SpeedAlongPath => "Speed along the path",
         }
@@ -43,13 +47,13 @@ impl ChartKind {
     pub fn needs_lanes(self) -> bool {
         match self {
             Self::Series(quantity) => quantity.needs_lanes(),
-            Self::SpaceTime | Self::Positions | Self::SpeedAlongPath => true,
+            Self::SpaceTime | Self::Way | Self::Positions | Self::SpeedAlongPath => true,
         }
     }
 
     /// Whether it shows paths, which may merge at several points.
     pub fn is_of_paths(self) -> bool {
-        Self::FIGURES.contains(&self)
+        matches!(self, Self::SpaceTime | Self::Positions | Self::SpeedAlongPath)
     }
 
     /// Whether its horizontal axis is the simulated time.
@@ -295,6 +299,9 @@ fn vehicles(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>) {
         }
         match selected {
             Some(id) => _ = ui.label(RichText::new(format!("selected: {}", name(id))).weak()),
+            None if state.charts.kind == ChartKind::Way => {
+                ui.weak("The way of the selected vehicle, else of the first kept one.");
+            }
             None if state.charts.vehicles.is_empty() && state.charts.kind.is_of_paths() => {
                 ui.weak("All vehicles on the paths; select one to keep it alone.");
             }
@@ -333,12 +340,16 @@ fn draw(
     });
 }
 
+/// What the colours of lines are.
+const LINE_COLOURS: &str = "A line has the colour of its vehicle's body, as dark or light as the ground needs, or another one where bodies are alike; \
+     the colours of instance pictures are others";
+
 fn legend(ui: &mut Ui, figure: &Figure) {
     ui.horizontal_wrapped(|ui| {
         for key in &figure.legend {
             let colour = plot::on_ground(ui.ctx(), key.stroke.colour);
             let text = format!("{} {}", sample(key.stroke.dash), key.name);
-            ui.label(RichText::new(text).small().color(colour));
+            ui.label(RichText::new(text).small().color(colour)).on_hover_text(LINE_COLOURS);
         }
     });
 }

@@ -193,7 +193,8 @@ fn dashboard(ui: &Ui, rect: Rect, state: &UiState, shown: &ViewModel<'_>) -> Opt
     };
     let (units, scale) = (state.preferences.units, shown.scale());
     let speed = units.dashboard(vehicle.speed_mps.abs(), scale, state.preferences.decimal);
-    let speed = status::speed_words(vehicle.status, speed);
+    // A lab vehicle has no driver here.
+    let speed = status::speed_words((vehicle.status, true), speed);
     let trouble = trouble(state, shown, vehicle.status, pedals.reverse);
     let place = vehicle.position.truncate();
     let left = || map::way_back(shown.map, place);
@@ -328,6 +329,19 @@ fn loading(ui: &Ui, rect: Rect, shown: &ViewModel<'_>) {
         });
 }
 
+/// The vehicle that a camera goes with, and the selected one where that is another.
+pub(super) fn whose_camera(id: VehicleId, selected: Option<VehicleId>, shown: &ViewModel<'_>) -> String {
+    let name = |id: VehicleId| {
+        shown.interpolated.info(id).map_or_else(|| id.to_string(), |info| format!("{id} {}", info.name))
+    };
+    let other = selected.filter(|selected| *selected != id);
+    let other = other.map_or_else(String::new, |other| format!(", not the selected {}", name(other)));
+    format!("{}{other}", name(id))
+}
+
+/// Room of the name of the followed vehicle in the corner of the view, about, points.
+pub(super) const NAME_OF_CAMERA: egui::Vec2 = egui::vec2(280.0, 34.0);
+
 /// Names the followed vehicle, which has no label.
 fn followed(ui: &Ui, rect: Rect, state: &UiState, shown: &ViewModel<'_>) {
     let Some(id) = state.viewpoint.follow else { return };
@@ -335,7 +349,8 @@ fn followed(ui: &Ui, rect: Rect, state: &UiState, shown: &ViewModel<'_>) {
         return;
     };
     let [r, g, b] = info.appearance.colour;
-    let text = format!("{}: {} {}", state.viewpoint.mode.label(), id, info.name);
+    let whose = whose_camera(id, state.selection.vehicle, shown);
+    let text = format!("{}: {whose}", state.viewpoint.mode.label());
     let painter = ui.painter_at(rect);
     let text = painter.layout_no_wrap(text, FontId::proportional(13.0), Color32::WHITE);
     let swatch = text.size().y * 0.7;

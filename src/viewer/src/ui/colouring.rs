@@ -1,6 +1,6 @@
 //! Colours of vehicles, with their labels, map marks and boxes: by status, speed or waiting time.
 
-use super::{Preferences, ViewModel, theme};
+use super::{Preferences, ViewModel, status, theme};
 use city3d_geometry::{KMH_PER_MPS, LengthScale};
 use city3d_protocol::snapshot::{Status, VehicleId, VehicleState};
 use egui::{Color32, Context};
@@ -22,6 +22,8 @@ pub enum ColourBy {
 /// Ends of the scales.
 const FASTEST_KMH: f64 = 50.0;
 const LONGEST_S: f64 = 60.0;
+/// Of a vehicle whose motion is not measured: no colour of the scale.
+const NOT_KNOWN: Color32 = Color32::from_gray(150);
 /// As viridis, told apart by lightness alone, but lighter at its low end: labels stand on a dark ground.
 const SCALE: [[u8; 3]; 5] = [[135, 110, 210], [90, 145, 215], [55, 180, 155], [130, 215, 85], [253, 231, 60]];
 
@@ -42,6 +44,7 @@ impl ColourBy {
     pub fn colour(self, context: &Context, vehicle: &VehicleState, shown: &ViewModel<'_>) -> Color32 {
         match self {
             Self::Status => theme::on_picture(context, vehicle.status),
+            Self::Speed | Self::Waiting if !status::is_tracked(vehicle, shown.interpolated) => NOT_KNOWN,
             Self::Speed => scale(vehicle.speed_mps.abs() * KMH_PER_MPS / FASTEST_KMH),
             // Who has arrived waits for nothing.
             Self::Waiting if vehicle.status == Status::Finished => scale(0.0),
@@ -67,9 +70,10 @@ impl ColourBy {
             Self::Status => None,
             Self::Speed => Some([
                 "0".to_owned(),
-                preferences.units.dashboard(FASTEST_KMH / KMH_PER_MPS, scale, preferences.decimal),
+                preferences.units.dashboard(FASTEST_KMH / KMH_PER_MPS, scale, preferences.decimal)
+                    + " or more",
             ]),
-            Self::Waiting => Some(["0".to_owned(), format!("{LONGEST_S:.0} s")]),
+            Self::Waiting => Some(["0".to_owned(), format!("{LONGEST_S:.0} s or more")]),
         }
     }
 }

@@ -3,7 +3,7 @@
 use super::commands::{GRAVE_EVENT, KeyMap};
 use super::timeline::{self, JUST_PASSED_S, TimelineView};
 use super::{DecimalSeparator, UiAction, UiState, VehicleNames, ViewModel, bar, commands, theme};
-use city3d_protocol::snapshot::{EventKind, Status, VehicleId, VehicleInfo};
+use city3d_protocol::snapshot::{EventKind, FrameSnapshot, Status, VehicleId, VehicleInfo};
 use city3d_session::RunPhase;
 use city3d_session::playback::{MarkKind, Occurrence, PlaybackCommand, TimelineMark};
 use egui::{Align, Button, Color32, Layout, RichText, Sense, Ui, Vec2};
@@ -202,7 +202,7 @@ pub(super) fn grave_counts(
         let words = event_words(shown.names, &next, state.preferences.decimal);
         let tip = format!("Show{which}: {words}");
         let more = if count == 1 { "" } else { ". Another click shows the one before" };
-        let tip = format!("{tip}{more}");
+        let tip = with_remark(shown, &next, &format!("{tip}{more}"));
         let is_by_key = next_shown(view, state.events.grave(view.marks)).is_some_and(|(_, of)| *of == next);
         let tip = if is_by_key { commands::GRAVE_EVENT.tip(ui.ctx(), &tip) } else { tip };
         let button = button.on_hover_text(tip).on_disabled_hover_text(refusal.unwrap_or_default());
@@ -245,7 +245,8 @@ pub(super) fn live(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>, acti
         let room = Vec2::new(ui.available_size_before_wrap().x, ui.spacing().interact_size.y);
         let layout = Layout::left_to_right(Align::Center);
         let label = ui.allocate_ui_with_layout(room, layout, |ui| ui.add(label)).inner;
-        if label.on_hover_text(format!("{words}. Show where and when it happened")).clicked() {
+        let tip = with_remark(shown, &last, &format!("{words}. Show where and when it happened"));
+        if label.on_hover_text(tip).clicked() {
             go_to(&last, state, actions);
         }
     }
@@ -285,6 +286,30 @@ pub fn event_words(names: &VehicleNames, mark: &TimelineMark, decimal: DecimalSe
     format!("{time} s: {}, {}", named(names, mark.vehicle), mark.what.label())
 }
 
+/// What a collision with a virtual vehicle means to one of the laboratory that takes part in it; `None` for other events.
+pub fn collision_remark(seen: &FrameSnapshot, mark: &TimelineMark) -> Option<String> {
+    let with = match &mark.what {
+        Occurrence::Event(EventKind::Collision { with }) => Some(*with),
+        Occurrence::Event(EventKind::CollisionStatic { .. }) => None,
+        _ => return None,
+    };
+    let both = [Some(mark.vehicle), with].into_iter().flatten();
+    let physical: Vec<String> =
+        both.filter_map(|id| seen.info(id)).filter(|info| info.is_physical()).map(numbered_name).collect();
+    let (is, feels) = if physical.len() == 1 {
+        ("is a lab vehicle: it is", "feels nothing of what is virtual and drives on")
+    } else {
+        ("are lab vehicles: they are", "feel nothing of what is virtual and drive on")
+    };
+    (!physical.is_empty()).then(|| format!("{} {is} measured, {feels}", physical.join(" and ")))
+}
+
+/// A tip of an event, with what its collision means to a vehicle of the laboratory.
+fn with_remark(shown: &ViewModel<'_>, mark: &TimelineMark, tip: &str) -> String {
+    let remark = collision_remark(&shown.run_state.now, mark);
+    remark.map_or_else(|| tip.to_owned(), |remark| format!("{tip}. {remark}"))
+}
+
 /// Selects the vehicle of an event, and seeks to its time; the camera stays.
 pub(super) fn select(mark: &TimelineMark, state: &mut UiState, actions: &mut Vec<UiAction>) {
     if state.driving.is_none() {
@@ -298,6 +323,7 @@ pub(super) fn update(mark: &TimelineMark, state: &mut UiState) -> PlaybackComman
     if state.driving.is_some() {
         return PlaybackCommand::Show(mark.time_s);
     }
+    state.keep_view();
     state.selection.vehicle = Some(mark.vehicle);
     state.selection.follow = Some(mark.vehicle);
     state.viewpoint.come_near();
@@ -407,7 +433,7 @@ fn list(
                     Occurrence::Event(EventKind::Go { .. }) => GO,
                     _ => "Show where and when it happened",
                 };
-                if line.response().on_hover_text(tip).clicked() {
+                if line.response().on_hover_text(with_remark(shown, mark, tip)).clicked() {
                     clicked = Some(mark.clone());
                 }
             });

@@ -44,20 +44,23 @@ pub fn show(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>, actions: &m
     let place = TrafficPlace::of((shown.map, shown.traffic.lanes()), now, vehicle.id, route);
     let insight = shown.run_state.insight.as_deref();
     let decision = insight.and_then(|insight| insight.decision(vehicle.id));
+    // Who it is and what can be done with it stay in sight; what is known of it scrolls.
+    heading(ui, shown, (vehicle, info));
+    buttons(ui, state, (shown, actions), vehicle.id);
+    ui.separator();
     egui::ScrollArea::vertical().show(ui, |ui| {
-        inspected(ui, state, (shown, actions), (vehicle, info, place.as_ref()), (insight, decision));
+        inspected(ui, state, shown, (vehicle, place.as_ref()), (insight, decision));
     });
 }
 
-/// What is known of a vehicle: its place in traffic, what control has told, and what can be done with it.
+/// What is known of a vehicle: its place in traffic, and what control has told.
 fn inspected(
     ui: &mut Ui,
     state: &mut UiState,
-    (shown, actions): (&ViewModel<'_>, &mut Vec<UiAction>),
-    (vehicle, info, place): (&VehicleState, &VehicleInfo, Option<&TrafficPlace>),
+    shown: &ViewModel<'_>,
+    (vehicle, place): (&VehicleState, Option<&TrafficPlace>),
     (insight, decision): (Option<&ControlInsight>, Option<&ControlDecision>),
 ) {
-    heading(ui, shown, (vehicle, info));
     let mut link = None;
     // Values wrap; the names are short.
     let widest = (ui.available_width() - NAMES).max(NAMES);
@@ -81,19 +84,28 @@ fn inspected(
     if let Some(other) = link {
         (state.selection.vehicle, state.table.reveal) = (Some(other), true);
     }
+}
+
+/// What can be done with the vehicle.
+fn buttons(
+    ui: &mut Ui,
+    state: &mut UiState,
+    (shown, actions): (&ViewModel<'_>, &mut Vec<UiAction>),
+    id: VehicleId,
+) {
     ui.horizontal(|ui| {
-        let follows = state.viewpoint.follow == Some(vehicle.id);
+        let follows = state.viewpoint.follow == Some(id);
         if ui.add_enabled(!follows, egui::Button::new("Follow")).clicked() {
-            state.selection.follow = Some(vehicle.id);
+            state.selection.follow = Some(id);
         }
         if ui.button("Camera").on_hover_text(PREVIEW.tip(ui.ctx(), "Open or close its preview")).clicked() {
-            state.toggle_preview(vehicle.id);
+            state.toggle_preview(id);
         }
-        if shown.replay.is_none() && shown.may_drive(vehicle.id) && state.driven() != Some(vehicle.id) {
+        if shown.replay.is_none() && shown.may_drive(id) && state.driven() != Some(id) {
             let tip = TAKE_CONTROL.tip(ui.ctx(), "Drive it with the keyboard");
             let button = ui.button("Take control").on_hover_text(tip);
             if button.clicked() {
-                actions.push(UiAction::Drive(vehicle.id));
+                actions.push(UiAction::Drive(id));
             }
         }
     });
@@ -141,7 +153,11 @@ fn why(
     // Control goes on deciding for a vehicle that no longer obeys it.
     match vehicle.status {
         Status::Collided => {
-            let tip = "It has hit something, and stays where it is";
+            let tip = if is_physical(shown, vehicle.id) {
+                status::RAMMED_PHYSICAL
+            } else {
+                "It has hit something, and stays where it is"
+            };
             let (text, other) = collision_words(shown, vehicle.id);
             return match other {
                 Some(other) => row_with_vehicle(ui, ("Why", &text, tip), other, link),
@@ -157,6 +173,10 @@ fn why(
         Some(other) => row_with_vehicle(ui, ("Why", &text, tip), other, link),
         None => row(ui, "Why", &text, tip),
     }
+}
+
+fn is_physical(shown: &ViewModel<'_>, id: VehicleId) -> bool {
+    shown.run_state.now.info(id).is_some_and(VehicleInfo::is_physical)
 }
 
 /// The last collision of a vehicle so far, in words, and the other vehicle.
@@ -234,12 +254,17 @@ fn motion(
     let speed = |speed_mps: f64| format!("{} {}", units.number(speed_mps, scale, decimal), units.label());
     // Control goes on deciding for a vehicle that does not obey it.
     let decision = decision.filter(|_| obeys_control(vehicle.status));
+    if !status::is_tracked(vehicle, &shown.run_state.now) {
+        let unknown = format!("{}, not tracked", status::NOT_MEASURED);
+        row(ui, "Speed", &unknown, status::NOT_MEASURED_TIP);
+        return row(ui, "Acceleration", &unknown, status::NOT_MEASURED_TIP);
+    }
     let target = match decision {
         Some(decision) => format!(", target {}", speed(decision.target_mps)),
         None if obeys_control(vehicle.status) => format!(", target {}", not_told(shown)),
         None => String::new(),
     };
-    let speeds = status::speed_words(vehicle.status, speed(vehicle.speed_mps));
+    let speeds = status::speed_words((vehicle.status, true), speed(vehicle.speed_mps));
     let speeds = format!("{speeds}{target}");
     row(ui, "Speed", &speeds, "Along its heading, and what road and driver allow here");
     // Decisions are sampled for logs, links and the past: that of a moment ago is not the one of now.
@@ -298,6 +323,9 @@ fn trajectory(
     let is_off_route = is_off_route(decision);
     let lateral = match vehicle.tracked_lateral_error_m().filter(|_| !is_driven) {
         _ if !shown.has_control_data => not_told(shown).to_owned(),
+        _ if !status::is_tracked(vehicle, &shown.run_state.now) => {
+            format!("{}, not tracked", status::NOT_MEASURED)
+        }
         None => NO_PATH.to_owned(),
         Some(_) if is_off_route => OFF_ROUTE.to_owned(),
         Some(error_m) => centimetres(error_m),
@@ -350,7 +378,8 @@ fn rest(
     let driver = match vehicle.status {
         Status::Manual => format!("a person; {algorithm} when released"),
         Status::Collided if is_driven => format!("a person; {algorithm} does not drive it after a collision"),
-        Status::Collided => format!("{algorithm}, which no longer drives it"),
+        // A lab vehicle hears of no collision, and goes on.
+        Status::Collided if !is_physical(shown, id) => format!("{algorithm}, which no longer drives it"),
         _ => algorithm.to_owned(),
     };
     row(ui, "Driver", &driver, "Its control algorithm");

@@ -48,6 +48,7 @@ mod video;
 mod view_model;
 mod viewpoint;
 mod views;
+mod way_back;
 
 pub use charts::{ChartKind, ChartSpan, ChartState, ChartView, MergeChoice};
 pub use colouring::ColourBy;
@@ -57,7 +58,7 @@ pub use commands::{
 pub use control_zones::{ControlZoneArea, ZoneStretch};
 pub use drive::ManualDrive;
 pub use editing::{EditAction, EditState, EditTool, EditView};
-pub use events::{EventFilter, announcement, event_words};
+pub use events::{EventFilter, announcement, collision_remark, event_words};
 pub use key_page::KeyPage;
 pub use layers::Layers;
 pub use layout::{Layout, StoredLayout};
@@ -236,6 +237,8 @@ pub struct UiState {
     pub help_words: String,
     /// A widget had the keyboard focus in the last frame.
     had_focus: bool,
+    /// Camera and selected vehicle before a jump to an event of the past.
+    view_before_jump: Option<(Viewpoint, Option<VehicleId>)>,
     /// The run that has come to its end, and when, seconds of egui's clock.
     ended: Option<(u32, f64)>,
     /// Manual control of the vehicle that the user drives.
@@ -301,6 +304,7 @@ impl UiState {
             palette: Palette::default(),
             help_words: String::new(),
             had_focus: false,
+            view_before_jump: None,
             ended: None,
             driving: None,
             events: EventFilter::default(),
@@ -342,8 +346,7 @@ impl UiState {
         next
     }
 
-    /// Looks at the place and the vehicles that another state looks at. A vehicle is kept where it is the same one as before:
-    /// in charts also one that is still to come.
+    /// Looks at what another state looks at. A vehicle is kept where it is the same one: in charts also one that is to come.
     pub fn look_as(&mut self, other: Self, first: &FrameSnapshot, is_again: impl Fn(VehicleId) -> bool) {
         let is_here = |id: VehicleId| first.vehicle(id).is_some() && is_again(id);
         self.viewpoint = other.viewpoint;
@@ -381,8 +384,7 @@ impl UiState {
         self.viewpoint.choose_mode(mode, self.selection.vehicle);
     }
 
-    /// The same; where no vehicle is selected or followed, chase and onboard select the one nearest to what the camera looks
-    /// at, and say so.
+    /// The same; where no vehicle is selected or followed, chase and onboard select the nearest one, and say so.
     pub(crate) fn look_by(&mut self, mode: CameraMode, (seen, now_s): (&FrameSnapshot, f64)) {
         let rides = matches!(mode, CameraMode::Chase | CameraMode::Onboard);
         let has_one = self.selection.vehicle.or(self.viewpoint.follow).is_some();
@@ -490,6 +492,7 @@ pub fn show(ui: &mut egui::Ui, state: &mut UiState, shown: &ViewModel<'_>) -> Ve
     theme::apply(ui.ctx(), state.preferences);
     commands::key_map::apply(ui.ctx(), &state.keys);
     state.pictures.clear();
+    state.forget_view(shown);
     state.update(shown);
     state.note_end(ui, shown);
     state.open_first_preview(&shown.run_state.now);
@@ -533,6 +536,7 @@ pub fn show(ui: &mut egui::Ui, state: &mut UiState, shown: &ViewModel<'_>) -> Ve
     help::window(ui, state, shown);
     runs::show(ui, state, shown, &mut actions);
     drive::step(ui, state, shown, &mut actions);
+    state.look_back_at_present(shown, &actions);
     state.had_focus = ui.memory(|memory| memory.focused().is_some());
     actions
 }

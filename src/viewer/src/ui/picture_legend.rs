@@ -56,7 +56,7 @@ pub fn words(kind: PictureKind) -> String {
             format!("Classes by colour: {names}")
         }
         PictureKind::Instance => {
-            "Instances: each vehicle has a colour of its own; all else is black".to_owned()
+            "Instances: each vehicle has a colour of its own, not that of its body or of its line in a chart; all else is black".to_owned()
         }
     }
 }
@@ -86,7 +86,7 @@ pub fn paint(painter: &Painter, below: Rect, kind: PictureKind, seen: &[VehicleI
 fn instances(painter: &Painter, below: Rect, seen: &[VehicleId]) {
     let ground = ground(painter, below);
     let mut at = ground.left_center();
-    let words = if seen.is_empty() { "a colour for each vehicle; none is near" } else { "vehicle" };
+    let words = if seen.is_empty() { "a colour for each vehicle; none is near" } else { "instance" };
     at.x = text(painter, at, Align2::LEFT_CENTER, words).right() + APART;
     for id in seen {
         let number = painter.layout_no_wrap(id.to_string(), FONT, Color32::WHITE);

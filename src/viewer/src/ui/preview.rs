@@ -239,6 +239,7 @@ fn show(
         });
     });
     picture(ui, (preview, layout.aspect), shown, state);
+    let is_tracked = status::is_tracked(vehicle, now);
     ui.horizontal_wrapped(|ui| {
         ui.spacing_mut().item_spacing.x = 4.0;
         let width = (ui.available_width() - SPEED_WIDTH - DRIVE).clamp(PICKER, WIDEST_PICKER);
@@ -246,9 +247,9 @@ fn show(
         if shown.replay.is_none() {
             drive_button(ui, (preview.vehicle, shown), state, actions);
         }
-        speed(ui, vehicle, (state.preferences.units, shown.scale()));
+        speed(ui, (vehicle, is_tracked), (state.preferences.units, shown.scale()));
     });
-    pedals(ui, vehicle, shown.has_control_data);
+    pedals(ui, vehicle, shown.has_control_data && is_tracked);
     if let Some((words, tip)) = plans::words(shown, preview.vehicle, state.preferences.decimal) {
         ui.add(egui::Label::new(RichText::new(words).small()).truncate()).on_hover_text(tip);
     }
@@ -359,10 +360,14 @@ const DRIVE: f32 = 66.0;
 /// Width of the widest speed with its gear, points.
 const SPEED_WIDTH: f32 = 96.0;
 
-fn speed(ui: &mut Ui, vehicle: &VehicleState, (units, scale): (SpeedUnit, LengthScale)) {
-    let gear = if vehicle.reverse { "  R" } else { "" };
+fn speed(
+    ui: &mut Ui,
+    (vehicle, is_tracked): (&VehicleState, bool),
+    (units, scale): (SpeedUnit, LengthScale),
+) {
+    let gear = if vehicle.reverse && is_tracked { "  R" } else { "" };
     let number = units.number(vehicle.speed_mps, scale, theme::decimal(ui.ctx()));
-    let number = status::speed_words(vehicle.status, number);
+    let number = status::speed_words((vehicle.status, is_tracked), number);
     let text = format!("{number} {}{gear}", units.label());
     let label = egui::Label::new(RichText::new(text).monospace().strong()).extend();
     // Of one width, so that the row never breaks and nothing below moves.
@@ -371,7 +376,10 @@ fn speed(ui: &mut Ui, vehicle: &VehicleState, (units, scale): (SpeedUnit, Length
         ui.set_min_width(SPEED_WIDTH);
         ui.add(label)
     });
-    row.inner.on_hover_text("Speed along its heading");
+    row.inner.on_hover_text(match is_tracked {
+        true => "Speed along its heading",
+        false => status::NOT_MEASURED_TIP,
+    });
 }
 
 /// Steering, gas, brake and handbrake as bars and numbers; without numbers where only poses are known.
@@ -463,9 +471,14 @@ fn plots(
     let past = history.between(now_s - KEPT_S, now_s);
     let series = |of: &dyn Fn(&VehicleState) -> Option<f64>| -> Vec<[f64; 2]> {
         let earlier = past.iter().filter(|state| state.time_s() < now_s);
-        let samples = earlier.filter_map(|state| Some((state.time_s(), of(&state.vehicle(vehicle.id)?)?)));
+        // Where it was not measured there is a gap.
+        let known = |state: &VehicleState| match status::is_tracked(state, &shown.run_state.now) {
+            true => of(state),
+            false => Some(f64::NAN),
+        };
+        let samples = earlier.filter_map(|state| Some((state.time_s(), known(&state.vehicle(vehicle.id)?)?)));
         let samples = samples.map(|(time_s, value)| [time_s - now_s, value]);
-        samples.chain(of(vehicle).map(|now| [0.0, now])).collect()
+        samples.chain(known(vehicle).map(|now| [0.0, now])).collect()
     };
     let height = if is_compact { 58.0 } else { 78.0 };
     let whose = events::named(shown.names, vehicle.id);
@@ -519,8 +532,10 @@ impl SmallPlot<'_> {
     fn show(&self, ui: &mut Ui, points: Vec<[f64; 2]>, (low, high): (f64, f64), colour: Color32) {
         let decimal = theme::decimal(ui.ctx());
         let name = format!("{}, {}", self.quantity, self.unit);
-        let last =
-            points.last().map_or_else(String::new, |[_, value]| format!(" {}", decimal.tenths(*value)));
+        let last = points.last().map_or_else(String::new, |[_, value]| match value.is_finite() {
+            true => format!(" {}", decimal.tenths(*value)),
+            false => format!(" {}", status::NOT_MEASURED),
+        });
         ui.label(RichText::new(format!("{name}:{last}")).small())
             .on_hover_text(format!("The last {KEPT_S:.0} simulated seconds"));
         let time = theme::small_axis(ui, AxisHints::new_x()).min_thickness(13.0).formatter(|mark, _| {
@@ -531,7 +546,9 @@ impl SmallPlot<'_> {
         });
         let value = theme::value_axis(ui);
         let axes = ["From now [s]", &format!("{} [{}]", self.quantity, self.unit)];
-        let line = Line::new(self.whose, PlotPoints::from(points)).color(colour);
+        let pieces = points.split(|[_, value]| !value.is_finite()).filter(|piece| !piece.is_empty());
+        let line = |piece: &[[f64; 2]]| Line::new(self.whose, PlotPoints::from(piece.to_vec())).color(colour);
+        let lines: Vec<Line<'_>> = pieces.map(line).collect();
         Plot::new(name)
             .height(self.height)
             .include_x(-KEPT_S)
@@ -546,7 +563,7 @@ impl SmallPlot<'_> {
             .label_formatter(super::charts::hover::words_near(axes, decimal))
             .x_grid_spacer(|_| marks((-KEPT_S, 0.0), KEPT_S / 2.0))
             .y_grid_spacer(|grid| marks(grid.bounds, round_step(grid.bounds.1 - grid.bounds.0, 3.0)))
-            .show(ui, |plot| plot.line(line));
+            .show(ui, |plot| lines.into_iter().for_each(|line| plot.line(line)));
     }
 }
 

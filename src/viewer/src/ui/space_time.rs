@@ -1,9 +1,9 @@
 //! The space-time diagram of the panel Traffic: everybody on the lanes of the selected vehicle's route.
 
 use super::events::named;
-use super::{ChartKind, UiState, ViewModel, overlay, theme};
+use super::{ChartKind, ChartSpan, UiState, ViewModel, overlay, theme};
 use city3d_control::Route;
-use city3d_logbook::figures::FigureScale;
+use city3d_logbook::figures::{FigureScale, WAY_AHEAD_M, WAY_BEHIND_M};
 use city3d_protocol::snapshot::VehicleId;
 use city3d_roadmap::{LaneId, ZoneKind};
 use city3d_session::{DIAGRAM_S, LanePlace};
@@ -12,8 +12,8 @@ use egui_plot::{AxisHints, Line, Plot, PlotPoint, PlotPoints, PlotUi, Polygon, T
 use std::collections::{BTreeMap, VecDeque};
 
 /// Range of the diagram around the selected vehicle, metres of the city.
-const BEHIND_M: f64 = 90.0;
-const AHEAD_M: f64 = 60.0;
+const BEHIND_M: f64 = WAY_BEHIND_M;
+const AHEAD_M: f64 = WAY_AHEAD_M;
 /// Room behind the present for the names of the lines, seconds of the axis.
 const NAMES_S: f64 = 17.0;
 /// Names less than this apart would touch, points.
@@ -56,10 +56,13 @@ pub(super) fn show(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>) {
         "Front bumpers along its route: metres before and behind where it is now, over the last seconds";
     ui.horizontal_wrapped(|ui| {
         ui.label(RichText::new(title).small()).on_hover_text(tip);
-        let large = "The whole run, large: of all paths that meet at a merging point of its way. It can be saved there";
+        let large =
+            "This diagram, large: it can be saved there, and shows the whole run with the span \"whole run\"";
         if ui.small_button("Open in Charts").on_hover_text(large).clicked() {
             state.open.charts = true;
-            (state.charts.kind, state.charts.merge) = (ChartKind::SpaceTime, None);
+            (state.charts.kind, state.charts.span) = (ChartKind::Way, ChartSpan::Minute);
+            // The metres of this diagram.
+            state.charts.is_lab = false;
         }
     });
     let bands = bands(route, &diagram);

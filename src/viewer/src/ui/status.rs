@@ -3,8 +3,9 @@
 use super::commands::{KeyMap, TAKE_CONTROL};
 use super::theme;
 use city3d_geometry::wrap_angle;
-use city3d_protocol::snapshot::{DecisionReason, Status, VehicleInfo, VehicleState};
+use city3d_protocol::snapshot::{DecisionReason, FrameSnapshot, Status, VehicleInfo, VehicleState};
 use city3d_roadmap::CityMap;
+use city3d_simulation::measures;
 use egui::{Color32, Painter, Pos2, Rect, Shape, Stroke, Vec2, pos2};
 
 /// A status in the words of the window.
@@ -130,6 +131,8 @@ pub fn reason(keys: &KeyMap, vehicle: &VehicleState, info: &VehicleInfo, map: &C
             let what = "Off the lanes, its algorithm has no route: drive it back onto a lane";
             return keys.tip(what, &TAKE_CONTROL);
         }
+        // It feels nothing of what is simulated, and no key helps.
+        Status::Collided if info.is_physical() => RAMMED_PHYSICAL,
         Status::Collided => return keys.tip(meaning(Status::Collided), &TAKE_CONTROL),
         Status::Driving | Status::Yielding | Status::Stopped | Status::Finished if info.is_physical() => {
             meaning(Status::Physical)
@@ -139,8 +142,26 @@ pub fn reason(keys: &KeyMap, vehicle: &VehicleState, info: &VehicleInfo, map: &C
     reason.to_owned()
 }
 
-/// A speed as it is written beside a status: in parentheses where the vehicle waits and will start with it.
-pub(super) fn speed_words(status: Status, number: String) -> String {
+/// What a collision means to a vehicle of the laboratory.
+pub(super) const RAMMED_PHYSICAL: &str = "A lab vehicle: it is measured, feels nothing of a collision with virtual vehicles, and drives on. The status lasts until the two are clear of one another";
+
+/// In place of a quantity that nobody has measured.
+pub(super) const NOT_MEASURED: &str = "-";
+/// Why it is not known.
+pub(super) const NOT_MEASURED_TIP: &str =
+    "Not tracked: nobody measures this lab vehicle now, so its motion is not known";
+
+/// Whether the motion of a vehicle of a snapshot is known. Of one that is not measured there are the last place, and zeros.
+pub(super) fn is_tracked(vehicle: &VehicleState, seen: &FrameSnapshot) -> bool {
+    measures::is_tracked(vehicle, seen.info(vehicle.id).is_some_and(VehicleInfo::is_physical))
+}
+
+/// A speed as it is written beside a status: in parentheses where the vehicle waits and will start with it, a dash where it is
+/// not measured.
+pub(super) fn speed_words((status, is_tracked): (Status, bool), number: String) -> String {
+    if !is_tracked {
+        return NOT_MEASURED.to_owned();
+    }
     let is_zero = !number.contains(|digit| matches!(digit, '1'..='9'));
     if status != Status::Waiting || is_zero { number } else { format!("({number})") }
 }
@@ -157,11 +178,13 @@ pub fn meaning(status: Status) -> &'static str {
         Status::Manual => "A person drives",
         Status::LinkLost => "No command for longer than the link timeout: it brakes to a stop on its path",
         Status::Collided => {
-            "Has hit something and stays. Reset the run, or take control of it and drive it off"
+            "Has hit something and stays. Reset the run, or take control of it and drive it off. A lab vehicle drives on: it feels nothing of virtual ones"
         }
         Status::Finished => "At the end of its route",
         Status::Physical => "A vehicle of the laboratory, drawn as it is measured",
-        Status::Unseen => "A vehicle of the laboratory that is not measured: it is drawn where it was last",
+        Status::Unseen => {
+            "A vehicle of the laboratory that is not measured: it is drawn where it was last, and its speed is not known"
+        }
     }
 }
 

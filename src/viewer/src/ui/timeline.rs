@@ -7,6 +7,7 @@ use super::{CityKind, UiAction, UiState, ViewModel, commands, run_until, theme, 
 use city3d_geometry::trig;
 use city3d_session::RunPhase;
 use city3d_session::playback::{PlaybackCommand, Playhead, SPEEDS, TimelineMark};
+use city3d_simulation::scenario::counted;
 use egui::containers::menu::MenuButton;
 use egui::{Align2, Button, ComboBox, Rect, RichText, Stroke, Ui, Vec2};
 
@@ -186,7 +187,7 @@ pub(super) fn show(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>, acti
         ui.spacing_mut().item_spacing.x = 5.0;
         // One row for a run that goes on: what it needs least gives way.
         let is_narrow = replay.shown != ShownTime::Recorded && ui.available_width() < NARROW;
-        transport(ui, replay, (is_narrow, refusal(state)), actions);
+        transport(ui, (replay, shown.step_s), (is_narrow, refusal(state)), actions);
         if is_narrow {
             events::list_button(ui, state, shown);
             overflow(ui, state, (shown, replay), actions);
@@ -225,7 +226,7 @@ fn overflow(
     let (button, _) = button.ui(ui, |ui| {
         ui.set_min_width(OVERFLOW);
         ui.visuals_mut().widgets.inactive = ui.ctx().global_style().visuals.widgets.inactive;
-        ui.horizontal(|ui| transport(ui, replay, (false, refusal(state)), actions));
+        ui.horizontal(|ui| transport(ui, (replay, shown.step_s), (false, refusal(state)), actions));
         ui.horizontal(|ui| {
             event_buttons(ui, state, (shown, replay), actions);
             ui.add_enabled_ui(replay.is_played(), |ui| speed(ui, replay, actions));
@@ -254,7 +255,7 @@ pub(super) fn past_sign(ui: &Ui, rect: Rect, shown: &ViewModel<'_>, actions: &mu
             egui::Frame::popup(ui.style()).stroke(Stroke::new(1.0, amber)).show(ui, |ui| {
                 ui.horizontal(|ui| {
                     let decimal = theme::decimal(ui.ctx());
-                    let past = format!("Past: {} s", decimal.fixed(head.at_s, 1));
+                    let past = format!("Past: {} s", decimal.fixed(head.at_s, 2));
                     ui.label(RichText::new(past).strong().color(amber));
                     let drives = match shown.run_state.phase {
                         RunPhase::Running => "the city drives on at",
@@ -275,9 +276,19 @@ pub(super) fn refusal(state: &UiState) -> Option<String> {
     state.driving.is_some().then(|| commands::DRIVES.words(&state.keys))
 }
 
+/// What a step does: it leads to the next recorded state, which may be several ticks of `step_s` away.
+fn step_words(way: &str, head: &Playhead, step_s: f64) -> String {
+    let apart_s = head.at_s - head.before_s;
+    let ticks = (apart_s / step_s).round();
+    match ticks >= 1.0 && ticks.is_finite() {
+        true => format!("One recorded state {way}: {apart_s:.2} s, {}", counted(ticks as usize, "tick")),
+        false => format!("One recorded state {way}"),
+    }
+}
+
 fn transport(
     ui: &mut Ui,
-    replay: &TimelineView<'_>,
+    (replay, step_s): (&TimelineView<'_>, f64),
     (is_narrow, refusal): (bool, Option<String>),
     actions: &mut Vec<UiAction>,
 ) {
@@ -303,7 +314,8 @@ fn transport(
     let of = PlaybackCommand::Seek;
     button("\u{23ee}", false, &keys.tip("To the start", &commands::TO_START), of(head.from_s));
     let back = PlaybackCommand::Step { forward: false };
-    button("\u{23f4} Step", false, &keys.tip("One recorded step back", &commands::STEP_BACK), back);
+    let step = |way: &str| step_words(way, head, step_s);
+    button("\u{23f4} Step", false, &keys.tip(&step("back"), &commands::STEP_BACK), back);
     let is_reversing = is_played && head.is_playing && head.is_reverse;
     let command = if is_reversing { PlaybackCommand::Pause } else { PlaybackCommand::Reverse };
     button("\u{25c0} Backward", is_reversing, &keys.tip("Play backward", &commands::PLAY_BACKWARD), command);
@@ -317,7 +329,7 @@ fn transport(
         button("\u{25b6} Play", false, &play("Play the past, up to the present"), PlaybackCommand::Play);
     }
     let on = PlaybackCommand::Step { forward: true };
-    button("Step \u{23f5}", false, &keys.tip("One recorded step forward", &commands::STEP_FORWARD), on);
+    button("Step \u{23f5}", false, &keys.tip(&step("forward"), &commands::STEP_FORWARD), on);
     if is_recorded {
         button("\u{23ed}", false, &keys.tip("To the end", &commands::TO_END), of(head.to_s));
     } else {

@@ -1,5 +1,6 @@
 //! What vehicles have done of late: their driven paths, and how long they have been standing.
 
+use super::status;
 use city3d_protocol::snapshot::{FrameSnapshot, VehicleId};
 use glam::DVec2;
 use std::collections::{BTreeMap, VecDeque};
@@ -41,6 +42,11 @@ impl Tracks {
         self.of.retain(|id, _| snapshot.vehicle(*id).is_some());
         for state in &snapshot.vehicles {
             let track = self.of.entry(state.id).or_default();
+            // Who is not measured may be anywhere: whether it stands is not known.
+            if !status::is_tracked(state, snapshot) {
+                track.stands_since_s = None;
+                continue;
+            }
             let stands = state.speed_mps.abs() < STANDS_MPS;
             track.stands_since_s = stands.then(|| track.stands_since_s.unwrap_or(self.now_s));
             let point = TrackPoint { time_s: self.now_s, position: state.position.truncate() };

@@ -7,6 +7,7 @@ use city3d_geometry::LengthScale;
 use city3d_protocol::snapshot::{FrameSnapshot, Status, VehicleId};
 use city3d_roadmap::CityMap;
 use city3d_session::RunPhase;
+use city3d_simulation::measures::is_tracked;
 use egui::{Align, Color32, Layout, RichText, Sense, Ui, Vec2};
 use egui_extras::{Column, TableBuilder};
 use serde::{Deserialize, Serialize};
@@ -101,6 +102,7 @@ struct VehicleRow<'a> {
     name: &'a str,
     driver: &'a str,
     status: Status,
+    is_tracked: bool,
     x_m: f64,
     y_m: f64,
     speed_mps: f64,
@@ -115,9 +117,14 @@ impl VehicleRow<'_> {
             SortKey::Status => status::label(self.status).cmp(status::label(other.status)),
             SortKey::X => self.x_m.total_cmp(&other.x_m),
             SortKey::Y => self.y_m.total_cmp(&other.y_m),
-            SortKey::Speed => self.speed_mps.total_cmp(&other.speed_mps),
+            SortKey::Speed => self.known_mps().total_cmp(&other.known_mps()),
         }
         .then(self.id.cmp(&other.id))
+    }
+
+    /// Its speed; what is not known is below all others.
+    fn known_mps(&self) -> f64 {
+        if self.is_tracked { self.speed_mps } else { f64::NEG_INFINITY }
     }
 
     fn contains(&self, word: &str) -> bool {
@@ -152,6 +159,7 @@ fn rows<'a>(
                 driver
             },
             status: vehicle.status,
+            is_tracked: is_tracked(vehicle, info.is_physical()),
             x_m: vehicle.position.x,
             y_m: vehicle.position.y,
             speed_mps: vehicle.speed_mps,
@@ -167,6 +175,16 @@ fn rows<'a>(
 }
 
 const ROW_HEIGHT: f32 = 20.0;
+/// Height of the filter and the titles above the rows, points.
+const ABOVE_ROWS: f32 = 60.0;
+
+/// Height of a table with so many rows, about, points.
+pub fn height_of(rows: usize) -> f32 {
+    /// Between two rows, points.
+    const BETWEEN: f32 = 3.0;
+    ABOVE_ROWS + rows as f32 * (ROW_HEIGHT + BETWEEN)
+}
+
 /// Room for the number of rows, points.
 const COUNT_WIDTH: f32 = 88.0;
 /// Column widths of usual texts, points.
@@ -176,14 +194,20 @@ const SHARES: [f32; 7] = [0.0, 3.0, 2.0, 1.0, 1.0, 1.0, 1.0];
 
 /// Columns that every table has room for where the window is not tiny: number, status, position and speed.
 const KEPT: [usize; 5] = [0, 3, 4, 5, 6];
+/// In a narrower window the city needs the room of the names, points.
+const NAMES_FROM: f32 = 820.0;
+/// Place of the names among the columns, and their least width, points: enough to tell names apart.
+const NAME: usize = 1;
+const LEAST_NAME: f32 = 34.0;
 /// Columns of a table as wide as it is at first: the driver is in the tip.
 const USUAL: [usize; 6] = [0, 1, 3, 4, 5, 6];
 /// Between columns, points.
 const SPACING: f32 = 5.0;
 
-/// Width of a panel in which the columns for number, status, position and speed find room, points.
-pub fn least_width(ui: &Ui) -> f32 {
-    width_of(ui, &KEPT)
+/// Width of a panel in which the columns for number, status, position and speed find room, and where the window is not small
+/// the beginnings of names, points.
+pub fn least_width(ui: &Ui, window: f32) -> f32 {
+    if window < NAMES_FROM { width_of(ui, &KEPT) } else { width_of(ui, &USUAL) - (WIDTHS[NAME] - LEAST_NAME) }
 }
 
 /// Usual width in a window of some width: names find room, and in a wide window the drivers too, points.
@@ -207,7 +231,7 @@ fn scrollbar(ui: &Ui) -> f32 {
 /// The columns that fit, as indices into [`SortKey::COLUMNS`]. Driver and name are dropped first: label and tooltip
 /// show them too.
 fn columns(width: f32) -> Vec<usize> {
-    let needed = |columns: &[usize]| columns.iter().map(|&k| WIDTHS[k] + SPACING).sum::<f32>();
+    let needed = |columns: &[usize]| columns.iter().map(|&k| least(columns, k) + SPACING).sum::<f32>();
     let mut columns: Vec<usize> = (0..WIDTHS.len()).collect();
     for dropped in [&[2][..], &[1], &[4, 5]] {
         if needed(&columns) > width {
@@ -215,6 +239,12 @@ fn columns(width: f32) -> Vec<usize> {
         }
     }
     columns
+}
+
+/// Least width of one of some columns, points: names give way once drivers have.
+fn least(columns: &[usize], column: usize) -> f32 {
+    const DRIVER: usize = 2;
+    if column == NAME && !columns.contains(&DRIVER) { LEAST_NAME } else { WIDTHS[column] }
 }
 
 /// Shows the table. A click selects, a double click follows. While the vehicles move, the row order changes once a
@@ -291,6 +321,7 @@ fn grid(
     let needed: f32 = columns.iter().map(|&k| WIDTHS[k] + SPACING).sum();
     let shares: f32 = columns.iter().map(|&k| SHARES[k]).sum();
     let share = ((width - needed) / shares).max(0.0);
+    let missing = (needed - width).clamp(0.0, WIDTHS[NAME] - LEAST_NAME);
     let gap = ui.spacing().item_spacing.y;
     let line = ROW_HEIGHT + gap;
     // Whole rows: half a one at the edge looks as if the timeline covered it.
@@ -303,7 +334,8 @@ fn grid(
         .auto_shrink(false)
         .cell_layout(Layout::left_to_right(Align::Center));
     for &k in &columns {
-        builder = builder.column(Column::exact(WIDTHS[k] + SHARES[k] * share).clip(true));
+        let narrower = if k == NAME { missing } else { 0.0 };
+        builder = builder.column(Column::exact(WIDTHS[k] + SHARES[k] * share - narrower).clip(true));
     }
     if std::mem::take(&mut table.reveal)
         && let Some(row) = shown.iter().position(|row| Some(row.id) == selection.vehicle)
@@ -425,7 +457,7 @@ fn cell(
         SortKey::Y => number(ui, decimal.tenths(row.y_m)),
         SortKey::Speed => {
             let speed = units.number(row.speed_mps, scale, decimal);
-            number(ui, status::speed_words(row.status, speed));
+            number(ui, status::speed_words((row.status, row.is_tracked), speed));
         }
     });
 }
@@ -474,6 +506,7 @@ mod tests {
             name: "",
             driver: "",
             status,
+            is_tracked: true,
             x_m: 0.0,
             y_m: 0.0,
             speed_mps,
@@ -536,6 +569,8 @@ mod tests {
     fn a_narrow_table_drops_what_matters_least() {
         assert_eq!(columns(402.0), [0, 1, 2, 3, 4, 5, 6]);
         assert_eq!(columns(343.0), USUAL);
+        assert_eq!(columns(331.0), USUAL, "names are cut short, not left out");
+        assert_eq!(columns(320.0), KEPT);
         assert_eq!(columns(288.0), KEPT);
         assert_eq!(columns(160.0), [0, 3, 6]);
     }

@@ -75,9 +75,8 @@ fn modes(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>, index: usize) 
                 camera.choose_mode(mode, nearest);
             }
         }
-        let followed = camera.follow.and_then(|id| shown.interpolated.info(id));
-        if let Some(info) = followed {
-            ui.label(format!("{} {}", info.id, info.name));
+        if let Some(id) = camera.follow.filter(|id| shown.interpolated.info(*id).is_some()) {
+            ui.label(city::whose_camera(id, selected, shown));
         }
         let follow = ui.add_enabled(selected.is_some(), egui::Button::new("Follow").small());
         if follow.on_hover_text("This view follows the selected vehicle").clicked() {

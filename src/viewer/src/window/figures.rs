@@ -4,9 +4,9 @@
 use super::body_colours::Bodies;
 use super::path_figures::{PathFigures, merge_choices};
 use super::unused::{name_of_moment, written};
-use crate::ui::{ChartKind, ChartState, ChartView, MergeChoice};
+use crate::ui::{ChartKind, ChartSpan, ChartState, ChartView, MergeChoice};
 use city3d_logbook::figures::chart::Figure;
-use city3d_logbook::figures::{FigureSize, RunLog, SeriesFigure, Trace, TraceBuilder, write};
+use city3d_logbook::figures::{FigureSize, RunLog, SeriesFigure, Trace, TraceBuilder, WayFigure, write};
 use city3d_logbook::record::LogOrigin;
 use city3d_protocol::snapshot::VehicleId;
 use city3d_session::RunHistory;
@@ -206,6 +206,9 @@ impl LiveFigures {
             let traces: Vec<&Trace> = run.vehicles.iter().collect();
             return Ok(self.series((charts, vehicles.as_slice()), &traces, &run.vehicles, with_table));
         }
+        if charts.kind == ChartKind::Way {
+            return way(run, (charts, wanted.selected)).map(Some);
+        }
         PathFigures { run, charts, selected: wanted.selected }.draw().map(Some)
     }
 
@@ -288,6 +291,22 @@ impl LiveFigures {
     pub(super) fn is_saving(&self) -> bool {
         !self.saved.is_empty()
     }
+}
+
+/// Everybody on the way of the selected vehicle, else of the first that is kept, else of the first of all.
+///
+/// # Errors
+/// Why there is none.
+fn way(run: &RunLog, (charts, selected): (&ChartState, Option<VehicleId>)) -> Result<Figure, String> {
+    let first = run.vehicles.first().map(|trace| trace.id);
+    let of = selected.or(charts.vehicles.first().copied()).or(first);
+    let begins_s = run.vehicles.iter().filter_map(|trace| trace.samples.first()).map(|sample| sample.time_s);
+    let from_s = begins_s.fold(run.end_s, f64::min).max(run.end_s - charts.span.length_s());
+    let is_whole = charts.span == ChartSpan::Whole;
+    let figure = of.and_then(|of| {
+        WayFigure { run, of, scale: charts.scale, span_s: (from_s, run.end_s), is_whole }.draw()
+    });
+    figure.ok_or_else(|| "The selected vehicle was on no lane in that time.".to_owned())
 }
 
 /// The name of a figure, numbered on where a folder has files of it.
@@ -394,6 +413,20 @@ mod tests {
             assert_eq!(figure.name, name);
             assert!(figure.panels.iter().any(|panel| panel.lines.iter().any(|line| line.points.len() > 10)));
         }
+    }
+
+    #[test]
+    fn the_way_of_the_selected_vehicle_is_charted_with_everybody_on_it() {
+        let mut watched = Watched::new();
+        watched.go_to(3000);
+        let charts =
+            ChartState { kind: ChartKind::Way, span: ChartSpan::TenSeconds, ..ChartState::default() };
+        let view = watched.chosen_of(&charts, Some(VehicleId(2)));
+        let figure = view.figure.unwrap_or_else(|| panic!("{:?}", view.trouble));
+        let panel = &figure.panels[0];
+        assert_eq!((panel.y, figure.legend[0].name.as_str()), ((-90.0, 60.0), "2 path1_b"));
+        assert!((panel.x.1 - panel.x.0 - 10.0).abs() < 1e-9 && figure.legend.len() > 1, "{:?}", panel.x);
+        assert!(figure.panels[0].lines.iter().all(|line| line.points.iter().all(|(s, _)| *s >= panel.x.0)));
     }
 
     #[test]
@@ -511,7 +544,7 @@ mod tests {
             assert_eq!(watched.figures.view().saved, Some(said.as_str()), "it stays to be read");
             let table = std::fs::read_to_string(folder.path().join(format!("{name}.csv"))).unwrap();
             assert!(
-                table.starts_with("vehicle,name,time_s,acceleration_mps2\n1,path1_a,0.000,"),
+                table.starts_with("run,vehicle,name,time_s,acceleration_mps2\n\"roundabout, seed 2, ideal environment\",1,path1_a,0.000,"),
                 "{table:.80}"
             );
             assert_eq!(table.lines().count(), 1 + 6 * 30);

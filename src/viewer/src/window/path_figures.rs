@@ -100,7 +100,7 @@ impl PathFigures<'_> {
             }
             ChartKind::Positions => Ok(figures.position()),
             ChartKind::SpeedAlongPath => Ok(figures.speed(self.path(layout))),
-            ChartKind::SpaceTime | ChartKind::Series(_) => Ok(figures.space_time()),
+            ChartKind::SpaceTime | ChartKind::Way | ChartKind::Series(_) => Ok(figures.space_time()),
         }
     }
 

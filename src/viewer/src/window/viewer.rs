@@ -521,10 +521,11 @@ impl ViewerState {
     fn announce_events(&mut self, run_state: &RunState, now_s: f64) {
         let known = self.events.read(&run_state.events);
         let said_with = (&*self.state.keys, self.state.preferences.decimal, self.state.driving.is_some());
-        if let Some(words) =
-            ui::announcement(&self.scenario_info.names, &self.events.marks()[known..], said_with)
-        {
-            self.state.say(words, now_s);
+        let marks = &self.events.marks()[known..];
+        if let Some(words) = ui::announcement(&self.scenario_info.names, marks, said_with) {
+            let remark = marks.iter().find_map(|mark| ui::collision_remark(&run_state.now, mark));
+            let remark = remark.map_or_else(String::new, |remark| format!(". {remark}"));
+            self.state.say(words + &remark, now_s);
         }
     }
 

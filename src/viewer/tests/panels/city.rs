@@ -313,7 +313,9 @@ fn a_small_window_keeps_the_columns_for_id_status_position_and_speed() {
     let kept = ["ID", "Status", "x (m)", "y (m)", "km/h"];
     for (size, has_previews, more) in [
         ([1280.0, 720.0], true, &["Name"][..]),
-        ([960.0, 600.0], true, &[]),
+        ([960.0, 600.0], true, &["Name"]),
+        // 1280 x 720 pixels at one and a half times the size.
+        ([853.0, 480.0], true, &["Name"]),
         ([800.0, 600.0], true, &[]),
         ([640.0, 480.0], false, &[]),
         // 1280 x 720 pixels at twice the size.

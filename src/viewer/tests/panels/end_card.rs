@@ -58,7 +58,7 @@ fn a_finished_run_tells_what_came_of_it_and_what_can_be_done() {
     );
     assert!(harness.query_by_label_contains("Vehicles that have collided stay where they are").is_some());
     click(&mut harness, "Replay");
-    click(&mut harness, "Run again");
+    click(&mut harness, "Run again with seed 2");
     click(&mut harness, "Continue");
     let expected = [
         UiAction::Replay,
@@ -147,7 +147,8 @@ fn the_result_can_be_seen_while_the_run_goes_on_beyond_its_end() {
 #[test]
 fn the_card_gives_way_to_the_past_and_to_a_comparison_and_escape_closes_it() {
     let mut harness = harness(finished());
-    let has_card = |harness: &Harness<'static, Desk>| harness.query_by_label("Run again").is_some();
+    let has_card =
+        |harness: &Harness<'static, Desk>| harness.query_by_label("Run again with seed 2").is_some();
     assert!(has_card(&harness));
     let head = super::desk::present(12.0);
     harness.state_mut().past = Some(PastView { head, is_shown: true });

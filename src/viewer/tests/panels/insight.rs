@@ -96,6 +96,27 @@ fn the_inspector_says_to_whom_a_vehicle_yields_and_a_click_goes_there() {
 }
 
 #[test]
+fn in_a_low_window_the_inspector_keeps_its_title_and_its_buttons_and_the_rest_scrolls() {
+    let (mut desk, vehicle, _) = yielding();
+    desk.state.selection.vehicle = Some(vehicle);
+    (desk.state.open.inspector, desk.state.open.traffic) = (true, false);
+    let mut harness = harness(desk);
+    harness.set_size(egui::vec2(1280.0, 560.0));
+    harness.run_steps(6);
+    let follow = harness.get_by_label("Follow").rect();
+    let why = harness.get_by_label("Why").rect();
+    assert!(follow.bottom() <= why.top() && follow.bottom() < 560.0, "{follow:?} above {why:?}");
+    harness.hover_at(why.center() + egui::vec2(0.0, 20.0));
+    let (unit, modifiers) = (egui::MouseWheelUnit::Point, egui::Modifiers::NONE);
+    let delta = egui::vec2(0.0, -200.0);
+    let (phase, source) = (egui::TouchPhase::Move, egui::MouseWheelSource::Unknown);
+    harness.event(Event::MouseWheel { unit, delta, modifiers, phase, source });
+    harness.run_steps(30);
+    assert!((harness.get_by_label("Follow").rect().top() - follow.top()).abs() < 1.0, "they stay");
+    assert!(harness.get_by_label("Why").rect().top() < why.top() - 20.0, "the rest has scrolled");
+}
+
+#[test]
 fn a_car_that_a_person_has_driven_into_something_is_still_driven_by_them() {
     let (mut desk, vehicle, _) = yielding();
     desk.state.selection.vehicle = Some(vehicle);

@@ -294,7 +294,7 @@ fn in_dialogs_only_the_keys_of_the_registry_for_them_work() {
             keys.assign(&quit, other.usual.to_vec());
             keys.assign(&other, quit.usual.to_vec());
         }
-        let text = "It is at 2.5 s.".to_owned();
+        let text = "It is not recorded.".to_owned();
         harness.state_mut().state.runs.question = Some(ResetQuestion { text, is_new: true });
         harness.run_steps(3);
         press(&mut harness, Key::F12);

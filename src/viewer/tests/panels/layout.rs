@@ -315,7 +315,8 @@ fn the_card_of_a_finished_run_opens_beside_the_vehicle_that_one_looks_at() {
         harness.run_steps(8);
         let city = place(&harness);
         let at = if selected.is_some() { vehicle_at(&harness, 0) } else { city.center() };
-        let card = ["Run finished", "Run again", "Collisions"].map(|text| harness.get_by_label(text).rect());
+        let card = ["Run finished", "Run again with seed 2", "Collisions"]
+            .map(|text| harness.get_by_label(text).rect());
         let card = card.into_iter().fold(card[0], Rect::union);
         assert!(!card.contains(at), "{selected:?}: {at:?} under {card:?}");
         assert!(harness.ctx.content_rect().contains_rect(card), "{card:?}");

@@ -149,7 +149,7 @@ fn a_finished_run_can_be_run_again_in_another_environment_and_tells_what_a_stop_
     harness.get_by_value("as before").click();
     harness.run_steps(4);
     click(&mut harness, "testbed");
-    click(&mut harness, "Run again");
+    click(&mut harness, "Run again with seed 2");
     let again = RunAgain { seed: Some(2), environment: Some(EnvironmentProfile::Testbed) };
     assert_eq!(harness.state().actions, [UiAction::RunAgain(again)]);
     harness.get_by_label("Slow stops (< 0.5 m/s)").hover();

@@ -107,9 +107,9 @@ fn the_arrows_leap_where_the_camera_does_not_move_by_them() {
 #[test]
 fn in_the_past_a_sign_says_so_keys_are_those_of_a_player_and_end_leads_to_the_present() {
     let mut harness = live();
-    assert!(!has_text(&harness, "Past: 1.2 s"));
+    assert!(!has_text(&harness, "Past: 1.20 s"));
     look_back(&mut harness);
-    assert!(has_text(&harness, "Past: 1.2 s") && has_text(&harness, "the city drives on at 2.5 s"));
+    assert!(has_text(&harness, "Past: 1.20 s") && has_text(&harness, "the city drives on at 2.5 s"));
     for (key, cue) in [
         (Key::Space, PlaybackCommand::Play),
         (Key::Period, PlaybackCommand::Step { forward: true }),
@@ -125,6 +125,43 @@ fn in_the_past_a_sign_says_so_keys_are_those_of_a_player_and_end_leads_to_the_pr
     // The run itself is still held by its own button.
     click(&mut harness, "\u{23f8} Pause");
     assert_eq!(take_actions(&mut harness), [UiAction::Order(Order::Pause)]);
+}
+
+#[test]
+fn the_way_back_to_the_present_leads_to_the_view_before_the_jump() {
+    let mut harness = live();
+    harness.state_mut().state.selection.vehicle = Some(VehicleId(6));
+    harness.state_mut().state.set_mode(CameraMode::Overhead);
+    harness.run_steps(3);
+    let view = |harness: &Harness<'static, Desk>| {
+        let state = &harness.state().state;
+        (format!("{:?}", state.viewpoint), state.selection.vehicle)
+    };
+    let before = view(&harness);
+    // The past is shown in the next frame.
+    harness.key_down(Key::G);
+    harness.run_steps(1);
+    assert_eq!(cues(&mut harness), [PlaybackCommand::Show(1.5)]);
+    look_back(&mut harness);
+    harness.key_up(Key::G);
+    harness.run_steps(1);
+    let there = view(&harness);
+    assert!(there.0 != before.0 && there.1 != before.1, "it looks at the collision: {there:?}");
+    // Another event from there does not change the way back.
+    press(&mut harness, Key::G);
+    take_actions(&mut harness);
+    click(&mut harness, "Live");
+    assert_eq!(cues(&mut harness), [PlaybackCommand::Live]);
+    assert_eq!(view(&harness), before);
+    // Where nobody jumped, the view is left as it is.
+    harness.state_mut().past = None;
+    harness.run_steps(2);
+    look_back(&mut harness);
+    harness.state_mut().state.set_mode(CameraMode::Orbit);
+    let own = view(&harness);
+    click(&mut harness, "Live");
+    assert_eq!(view(&harness).1, own.1);
+    assert_eq!(harness.state().state.viewpoint.mode, CameraMode::Orbit);
 }
 
 #[test]

@@ -10,6 +10,7 @@ mod editing;
 mod end_card;
 mod insight;
 mod keys;
+mod lab_vehicles;
 mod layout;
 mod legibility;
 mod live_timeline;

@@ -379,13 +379,18 @@ fn two_runs_are_compared_in_the_units_of_the_settings_and_by_their_curves() {
 #[test]
 fn a_reset_is_asked_for_and_says_where_the_log_stays() {
     let mut harness = with(2);
-    let text = "It is at 12.5 s. Its log stays in /runs/run-1.".to_owned();
+    let text = "Its log stays in /runs/run-1.".to_owned();
     let ask = |harness: &mut Harness<'static, Desk>| {
         harness.state_mut().state.runs.question = Some(ResetQuestion { text: text.clone(), is_new: true });
         harness.run_steps(3);
-        harness.get_by_label("It is at 12.5 s. Its log stays in /runs/run-1.");
+        harness.get_by_label("It is at 2.5 s. Its log stays in /runs/run-1.");
     };
     ask(&mut harness);
+    // The city drives on while the user thinks about it.
+    harness.state_mut().change(|now| now.time_s = 7.5);
+    harness.run_steps(2);
+    harness.get_by_label("It is at 7.5 s. Its log stays in /runs/run-1.");
+    harness.state_mut().change(|now| now.time_s = 2.5);
     press(&mut harness, Key::Escape);
     assert_eq!((harness.state().actions.len(), harness.state().state.runs.question.is_none()), (0, true));
     ask(&mut harness);

@@ -39,6 +39,19 @@ fn some() -> Vec<TimelineMark> {
     ]
 }
 
+#[test]
+fn a_step_says_how_long_it_is() {
+    let mut harness = with(some());
+    for (label, words) in [
+        ("Step \u{23f5}", "One recorded state forward: 0.02 s, 2 ticks"),
+        ("\u{23f4} Step", "One recorded state back: 0.02 s, 2 ticks"),
+    ] {
+        harness.get_by_label(label).hover();
+        harness.run_steps(20);
+        assert!(harness.query_by_label_contains(words).is_some(), "{label}");
+    }
+}
+
 fn cues(harness: &Harness<'static, Desk>) -> Vec<PlaybackCommand> {
     let cue = |action: &UiAction| match action {
         UiAction::PlaybackCommand(cue) => *cue,

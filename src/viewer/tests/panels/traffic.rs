@@ -7,7 +7,7 @@ use city3d_session::TrafficRecorder;
 use city3d_session::playback::Playhead;
 use city3d_simulation::runner::Run;
 use city3d_simulation::scenario::{Library, Overrides, read_experiment};
-use city3d_viewer::ui::{ChartKind, LiveTraffic, PastView, SpeedUnit};
+use city3d_viewer::ui::{ChartKind, ChartSpan, LiveTraffic, PastView, SpeedUnit};
 use egui_kittest::kittest::Queryable;
 use std::sync::Arc;
 
@@ -106,8 +106,9 @@ fn the_diagram_is_that_of_the_selected_vehicle() {
     // Charts have a figure of the same name, which is large and can be saved.
     click(&mut harness, "Open in Charts");
     let state = &harness.state().state;
-    assert_eq!((state.open.charts, state.charts.kind), (true, ChartKind::SpaceTime));
-    assert!(ChartKind::SpaceTime.label().starts_with("Space-time diagram"));
+    assert_eq!((state.open.charts, state.charts.kind), (true, ChartKind::Way), "that very diagram");
+    assert_eq!((state.charts.span, state.charts.is_lab), (ChartSpan::Minute, false), "of as long");
+    assert!(ChartKind::Way.label().starts_with("Space-time diagram"));
 }
 
 #[test]

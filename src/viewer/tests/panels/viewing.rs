@@ -1,6 +1,6 @@
 //! Cameras and rulers: bookmarks, kinds of pictures, scale and place under the mouse, the way back to the city.
 
-use super::city::{picture, place, spread, texts};
+use super::city::{has_text, picture, place, spread, texts};
 use super::desk::{Desk, click, fleet, harness, press, with};
 use city3d_protocol::snapshot::{Status, VehicleId};
 use city3d_sensors::PictureKind;
@@ -81,7 +81,7 @@ fn a_preview_shows_depth_classes_and_instances() {
         assert!(with_legend.height() > picture_height + 12.0, "the legend of {name} is below the picture");
         assert!(with_legend.bottom() <= harness.get_by_label("Gas 0.00").rect().top(), "{name}");
     }
-    assert!(texts(&harness).contains(&"vehicle".to_owned()), "the numbers beside their colours follow");
+    assert!(texts(&harness).contains(&"instance".to_owned()), "the numbers beside their colours follow");
     assert_eq!(picture(&harness, PictureSlot::City).kind, PictureKind::Rgb);
 }
 
@@ -246,4 +246,23 @@ fn an_action_frames_the_whole_city() {
     };
     let ends = harness.state().map.lanes.iter().map(|lane| lane.curve.at(0.0).pose.position);
     assert!(ends.into_iter().all(is_inside), "all lanes are in the picture");
+    // It has a key, too.
+    let framed = format!("{:?}", state.viewpoint);
+    press(&mut harness, egui::Key::Num2);
+    harness.run_steps(20);
+    press(&mut harness, egui::Key::X);
+    harness.run_steps(3);
+    assert_eq!(format!("{:?}", harness.state().state.viewpoint), framed);
+}
+
+#[test]
+fn a_camera_tells_whose_it_is_where_another_vehicle_is_selected() {
+    let mut harness = with(3);
+    harness.state_mut().state.selection.vehicle = Some(VehicleId(1));
+    press(&mut harness, egui::Key::Num3);
+    harness.run_steps(3);
+    assert!(has_text(&harness, "Onboard: 1 car1"), "{:?}", texts(&harness));
+    harness.state_mut().state.selection.vehicle = Some(VehicleId(2));
+    harness.run_steps(3);
+    assert!(has_text(&harness, "Onboard: 1 car1, not the selected 2 car2"), "{:?}", texts(&harness));
 }

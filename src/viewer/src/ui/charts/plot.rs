@@ -3,9 +3,10 @@
 use super::super::preview::{marks, round_step};
 use super::super::theme;
 use super::hover;
+use super::labels::LabelRoom;
 use city3d_geometry::trig;
 use city3d_logbook::figures::chart::{Colour, Dash, Figure, Panel};
-use egui::{Color32, RichText, Ui};
+use egui::{Align2, Color32, RichText, Ui};
 use egui_plot::{AxisHints, GridMark, HLine, Line, LineStyle, Plot, PlotPoint, PlotPoints, Text, VLine};
 
 /// One pair of axes; returns the time of a click.
@@ -47,6 +48,9 @@ pub(super) fn show(
         .allow_zoom(false)
         .allow_boxed_zoom(false);
     let (grey, text) = (Color32::from_gray(130), ui.visuals().text_color());
+    // The axes take a part of it.
+    let size = egui::vec2((width - AXIS[0]).max(1.0), (height - AXIS[1]).max(1.0));
+    let (mut room, names) = (LabelRoom::new(panel.x, panel.y, size), ui.new_child(egui::UiBuilder::new()));
     let shown = plot.show(ui, |plot| {
         plot.set_plot_bounds(egui_plot::PlotBounds::from_min_max(
             [panel.x.0, panel.y.0],
@@ -60,15 +64,25 @@ pub(super) fn show(
                 plot.vline(VLine::new(rule.name.clone(), rule.at).color(grey).style(style));
             }
             let (at, anchor) = match rule.is_level {
-                true => (PlotPoint::new(panel.x.0, rule.at), egui::Align2::LEFT_BOTTOM),
-                false if rule.is_before => (PlotPoint::new(rule.at, panel.y.1), egui::Align2::RIGHT_TOP),
-                false => (PlotPoint::new(rule.at, panel.y.1), egui::Align2::LEFT_TOP),
+                true => (PlotPoint::new(panel.x.0, rule.at), Align2::LEFT_BOTTOM),
+                false if rule.is_before => (PlotPoint::new(rule.at, panel.y.1), Align2::RIGHT_TOP),
+                false => (PlotPoint::new(rule.at, panel.y.1), Align2::LEFT_TOP),
             };
             let is_inside = match rule.is_level {
                 true => (panel.y.0..=panel.y.1).contains(&rule.at),
                 false => (panel.x.0..=panel.x.1).contains(&rule.at),
             };
-            if is_inside && !rule.name.is_empty() {
+            if !is_inside || rule.name.is_empty() {
+                continue;
+            }
+            let named = (rule.name.as_str(), at);
+            let placed = match rule.is_level {
+                true => room.place(&names, named, &[anchor, Align2::LEFT_TOP]).map(|anchor| (at, anchor)),
+                false => room
+                    .place_below(&names, named, anchor)
+                    .map(|lower| (PlotPoint::new(at.x, at.y - lower), anchor)),
+            };
+            if let Some((at, anchor)) = placed {
                 let words = RichText::new(&rule.name).size(theme::SMALL);
                 plot.text(Text::new("", at, words).anchor(anchor).color(text));
             }
@@ -80,21 +94,26 @@ pub(super) fn show(
             let colour = on_ground(&context, line.stroke.colour);
             for piece in pieces(&line.points) {
                 let points: PlotPoints<'_> = decimated(piece, panel.x, buckets).into();
-                plot.line(Line::new(name, points).color(colour).width(1.5).style(style_of(line.stroke.dash)));
+                let width = if line.stroke.width_pt > WIDE_PT { 2.5 } else { 1.5 };
+                let drawn = Line::new(name, points).color(colour).width(width);
+                plot.line(drawn.style(style_of(line.stroke.dash)));
             }
         }
         for end in &panel.names {
             let is_right = end.at.0 > (panel.x.0 + panel.x.1) / 2.0;
             // Above the highest end there is no room.
             let is_high = panel.y.1 - end.at.1 < NAME_HEIGHT / height as f64 * (panel.y.1 - panel.y.0);
-            let anchor = match (is_right, is_high) {
-                (true, true) => egui::Align2::RIGHT_TOP,
-                (true, false) => egui::Align2::RIGHT_BOTTOM,
-                (false, true) => egui::Align2::LEFT_TOP,
-                (false, false) => egui::Align2::LEFT_BOTTOM,
+            let anchors = match (is_right, is_high) {
+                (true, true) => &[Align2::RIGHT_TOP][..],
+                (true, false) => &[Align2::RIGHT_BOTTOM, Align2::RIGHT_TOP],
+                (false, true) => &[Align2::LEFT_TOP],
+                (false, false) => &[Align2::LEFT_BOTTOM, Align2::LEFT_TOP],
             };
-            let words = RichText::new(&end.name).size(theme::SMALL);
-            plot.text(Text::new("", PlotPoint::new(end.at.0, end.at.1), words).anchor(anchor).color(text));
+            let at = PlotPoint::new(end.at.0, end.at.1);
+            if let Some(anchor) = room.place(&names, (&end.name, at), anchors) {
+                let words = RichText::new(&end.name).size(theme::SMALL);
+                plot.text(Text::new("", at, words).anchor(anchor).color(text));
+            }
         }
         if let Some(at_s) = at_s {
             plot.vline(VLine::new("shown time", at_s).color(grey).width(1.0));
@@ -113,9 +132,13 @@ pub(super) fn show(
     shown.inner.map(|point| point.x)
 }
 
+/// Lines that are wider on paper are wide on the screen too, points.
+const WIDE_PT: f64 = 2.0;
 /// Of the name of a line, with the room around it, points.
 const NAME_HEIGHT: f64 = 20.0;
 
+/// What the numbers of the axes take of the width and of the height, about, points.
+const AXIS: [f32; 2] = [40.0, 30.0];
 /// Room of an axis for each of its numbers, across and down, points.
 const LEAST_BETWEEN: [f32; 2] = [90.0, 40.0];
 

@@ -31,8 +31,10 @@ registry!(
         .known_as("camera closer nearer"),
     ZOOM_OUT = Command::always("Zoom out", &[], |c| c.state.viewpoint.zoom(-ZOOM_STEPS))
         .known_as("camera farther away"),
-    FRAME_CITY = Command::always("Frame the whole city", &[], |c| c.state.viewpoint.frame_city(c.shown.map))
-        .known_as("zoom fit overview"),
+    FRAME_CITY = Command::always("Frame the whole city", &[key(Key::X)], |c| {
+        c.state.viewpoint.frame_city(c.shown.map);
+    })
+    .known_as("zoom fit overview"),
 );
 
 /// Steps of the mouse wheel that an action zooms by.

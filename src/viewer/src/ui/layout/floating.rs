@@ -8,6 +8,10 @@ const MARGIN: f32 = 12.0;
 const VEHICLE_WEIGHT: f32 = 100.0;
 /// A point of the other panels of the window that is hidden counts as so much of one over the city.
 const BESIDE_WEIGHT: f32 = 0.02;
+/// A hidden point of what has to stay in sight, the rows of the table and the previews, counts as many.
+const KEPT_WEIGHT: f32 = 8.0;
+/// Shares of its usual size in which a panel opens where it would hide what has to stay in sight otherwise.
+const SMALLER: [f32; 3] = [1.0, 0.85, 0.7];
 
 /// What a panel that opens should not hide.
 pub struct FloatingPlaces {
@@ -17,6 +21,8 @@ pub struct FloatingPlaces {
     pub room: Rect,
     /// The vehicle that the user looks at.
     pub vehicle: Option<Rect>,
+    /// What has to stay in sight beside the city: the rows of the table and the previews.
+    pub kept: Vec<Rect>,
 }
 
 impl FloatingPlaces {
@@ -43,6 +49,16 @@ impl FloatingPlaces {
         best.map_or(self.city.min, |best| best.min)
     }
 
+    /// The usual size of a panel, or a smaller one where that alone hides neither the vehicle nor what has to stay in sight.
+    pub fn fitting(&self, size: Vec2, taken: &[Rect]) -> Vec2 {
+        let hides = |size: &Vec2| {
+            let place = Rect::from_min_size(self.free((None, *size), taken), *size);
+            let important = self.kept.iter().chain(&self.vehicle);
+            important.map(|other| overlap(place, other)).sum::<f32>() > 0.0
+        };
+        SMALLER.map(|share| size * share).into_iter().find(|size| !hides(size)).unwrap_or(size)
+    }
+
     /// The rectangle moved into the window.
     fn within(&self, rect: Rect) -> Rect {
         let most = (self.room.max - rect.size()).max(self.room.min);
@@ -51,14 +67,19 @@ impl FloatingPlaces {
 
     /// How much a window at a place hides, weighted points.
     fn hidden(&self, place: Rect, taken: &[Rect]) -> f32 {
-        let area = |other: &Rect| {
-            let common = place.intersect(*other).size().max(Vec2::ZERO);
-            common.x * common.y
-        };
-        let over = |others: &[Rect]| others.iter().map(area).sum::<f32>();
-        let beside = place.area() - area(&self.city);
-        over(taken) + VEHICLE_WEIGHT * over(self.vehicle.as_slice()) + BESIDE_WEIGHT * beside
+        let over = |others: &[Rect]| others.iter().map(|other| overlap(place, other)).sum::<f32>();
+        let beside = place.area() - overlap(place, &self.city);
+        over(taken)
+            + VEHICLE_WEIGHT * over(self.vehicle.as_slice())
+            + KEPT_WEIGHT * over(&self.kept)
+            + BESIDE_WEIGHT * beside
     }
+}
+
+/// Area that two rectangles have in common.
+fn overlap(a: Rect, b: &Rect) -> f32 {
+    let common = a.intersect(*b).size().max(Vec2::ZERO);
+    common.x * common.y
 }
 
 #[cfg(test)]
@@ -71,7 +92,7 @@ mod tests {
         let city = Rect::from_min_max(Pos2::new(360.0, 40.0), Pos2::new(1000.0, 640.0));
         let room = Rect::from_min_max(Pos2::new(12.0, 48.0), Pos2::new(1268.0, 672.0));
         let vehicle = Rect::from_center_size(city.center(), vec2(60.0, 40.0));
-        let places = FloatingPlaces { city, room, vehicle: Some(vehicle) };
+        let places = FloatingPlaces { city, room, vehicle: Some(vehicle), kept: Vec::new() };
         let mut taken: Vec<Rect> = Vec::new();
         for size in [vec2(300.0, 200.0), vec2(280.0, 260.0), vec2(480.0, 250.0)] {
             let place = Rect::from_min_size(places.free((None, size), &taken), size);
@@ -84,5 +105,23 @@ mod tests {
         assert_eq!(places.free((Some(before), before.size()), &[]), before.min);
         let place = places.free((Some(before), before.size()), &[before]);
         assert!(!Rect::from_min_size(place, before.size()).intersects(before));
+    }
+
+    #[test]
+    fn a_panel_leaves_the_table_and_the_previews_in_sight_and_is_smaller_where_it_has_to_be() {
+        let city = Rect::from_min_max(Pos2::new(360.0, 40.0), Pos2::new(985.0, 640.0));
+        let room = Rect::from_min_max(Pos2::new(12.0, 48.0), Pos2::new(1268.0, 672.0));
+        let vehicle = Rect::from_center_size(city.center(), vec2(60.0, 40.0));
+        let columns = |rows: f32| {
+            let table = Rect::from_min_size(Pos2::new(12.0, 48.0), vec2(340.0, rows));
+            vec![table, Rect::from_min_max(Pos2::new(990.0, 48.0), Pos2::new(1268.0, 640.0))]
+        };
+        for rows in [180.0, 590.0] {
+            let places = FloatingPlaces { city, room, vehicle: Some(vehicle), kept: columns(rows) };
+            let size = places.fitting(vec2(480.0, 340.0), &[]);
+            let place = Rect::from_min_size(places.free((None, size), &[]), size);
+            assert!(places.kept.iter().all(|kept| overlap(place, kept) == 0.0), "{rows}: {place:?}");
+            assert!(!place.intersects(vehicle) && (size.x < 480.0) == (rows > 500.0), "{rows}: {place:?}");
+        }
     }
 }

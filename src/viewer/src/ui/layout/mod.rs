@@ -155,7 +155,23 @@ impl Layout {
         let rects = |panel: &Panel| ui.ctx().memory(|memory| memory.area_rect(window_of(*panel)));
         let taken: Vec<Rect> = state.layout.lifted.iter().filter_map(rects).collect();
         let room = Rect::from_x_y_ranges(window.x_range(), city.y_range()).shrink(4.0);
-        FloatingPlaces { city, room, vehicle: Some(vehicle) }.free((None, size), &taken)
+        let kept = state.layout.kept(shown, state.viewpoint.follow.is_some());
+        FloatingPlaces { city, room, vehicle: Some(vehicle), kept }.free((None, size), &taken)
+    }
+
+    /// What has to stay in sight: the rows of the table, below which it is empty, the previews, and whose camera the view is where
+    /// it goes with a vehicle.
+    fn kept(&self, shown: &ViewModel<'_>, is_followed: bool) -> Vec<Rect> {
+        let rect = |panel: Panel| {
+            let tile = self.tree.tiles.find_pane(&panel).filter(|tile| self.tree.is_visible(*tile))?;
+            self.tree.tiles.rect(tile).filter(|_| !self.is_floating(panel))
+        };
+        let rows = super::vehicles::height_of(shown.run_state.now.vehicles.len());
+        let table = rect(Panel::Vehicles);
+        let table = table.map(|table| table.with_max_y(table.bottom().min(table.top() + rows)));
+        let name = self.city().filter(|_| is_followed);
+        let name = name.map(|city| Rect::from_min_size(city.min, super::city::NAME_OF_CAMERA));
+        table.into_iter().chain(rect(Panel::Cameras)).chain(name).collect()
     }
 
     fn city(&self) -> Option<Rect> {
@@ -175,6 +191,7 @@ impl Layout {
             // The bars above and below stay in sight.
             room: room.shrink(4.0),
             vehicle: super::city::watched(state, shown, city),
+            kept: self.kept(shown, state.viewpoint.follow.is_some()),
         };
         let is_lifted = |entry: &&PanelEntry| (entry.is_open)(state) && self.is_floating(entry.panel);
         let open: Vec<&PanelEntry> = panels::ALL.iter().filter(is_lifted).collect();
@@ -183,6 +200,7 @@ impl Layout {
         let was_open = std::mem::replace(&mut self.lifted, open.iter().map(|entry| entry.panel).collect());
         for PanelEntry { panel, title, size, close, show, .. } in open {
             let size = Vec2::from(*size).min(places.room.size());
+            let size = if was_open.contains(panel) { size } else { places.fitting(size, &taken) };
             let (mut stays_open, mut stays_floating) = (true, true);
             let mut floating = egui::Window::new(*title)
                 .id(window_of(*panel))

@@ -15,13 +15,15 @@ const LARGEST: f32 = 640.0;
 /// Largest fraction of the room for a tile beside the city, and for one with the table.
 const MOST: f32 = 0.333;
 const MOST_WITH_TABLE: f32 = 0.36;
+/// Of a third of the room, what the table leaves the city.
+const LEAST_BESIDE_TABLE: f32 = 0.9;
 /// Usual fraction for views beside or below the first one.
 const USUAL_WITH_VIEWS: f32 = 0.45;
 
 impl Layout {
     /// Gives the rows and columns around the city their sizes in a room.
     pub(super) fn fit(&mut self, ui: &Ui, mut room: Vec2) {
-        let table = vehicles::least_width(ui);
+        let table = vehicles::least_width(ui, room.x);
         self.fitted.clear();
         for (tile, city) in self.around_city() {
             let Some((dir, beside)) = self.beside(tile, city) else { continue };
@@ -36,7 +38,8 @@ impl Layout {
                 let (most, usual) = match (has_table, has_views) {
                     // Numbers, statuses, positions and speeds stay in view.
                     (true, _) => {
-                        let most = table.min(*extent - third - others).max(*extent * MOST_WITH_TABLE);
+                        let city = LEAST_BESIDE_TABLE * third;
+                        let most = table.min(*extent - city - others).max(*extent * MOST_WITH_TABLE);
                         (most.min(LARGEST), vehicles::usual_width(ui, *extent))
                     }
                     (false, true) => ((left - third - others).max(0.0), *extent * USUAL_WITH_VIEWS),

@@ -22,7 +22,7 @@ const SEED_IS_UNUSED: &str =
 /// For so many frames it is put to its place: at first it is wider than it will be, and egui would move it.
 const PLACING_FRAMES: u8 = 6;
 /// About its size, points.
-const SIZE: Vec2 = Vec2::new(446.0, 340.0);
+const SIZE: Vec2 = Vec2::new(446.0, 362.0);
 /// Vehicles that drive less have not moved.
 const MOVES_M: f64 = 0.1;
 
@@ -95,6 +95,8 @@ pub(super) fn window(ui: &Ui, state: &mut UiState, shown: &ViewModel<'_>, action
     let title = if is_live { "Run finished" } else { "Recorded run" };
     // Folded to its title it is out of the way.
     let window = super::super::sheet(ui, title).pivot(Align2::LEFT_TOP).collapsible(true).open(&mut is_open);
+    // A higher one would be moved up into the window before it shrinks to what it holds.
+    let window = window.default_height(SIZE.y);
     // Where it hides nothing at first; the user may move it.
     let window = if let Some(place) = place { window.current_pos(place) } else { window };
     window.show(ui.ctx(), |ui| {
@@ -276,12 +278,16 @@ fn log(ui: &mut Ui, shown: &ViewModel<'_>) {
 fn run_again(ui: &mut Ui, card: &mut EndCard, shown: &ViewModel<'_>, actions: &mut Vec<UiAction>) {
     let found = seed(&card.seed.0);
     ui.horizontal_wrapped(|ui| {
-        let tip = "The same scenario from its beginning, with this seed and in this environment";
-        if ui.add_enabled(found.is_ok(), egui::Button::new("Run again")).on_hover_text(tip).clicked() {
+        let tip = "The same scenario from its beginning, with this seed and in this environment. By itself the seed is the next one";
+        let name = match &found {
+            Ok(seed) => format!("Run again with seed {seed}"),
+            Err(_) => "Run again".to_owned(),
+        };
+        if ui.add_enabled(found.is_ok(), egui::Button::new(name)).on_hover_text(tip).clicked() {
             let again = RunAgain { seed: found.clone().ok(), environment: card.environment };
             actions.push(UiAction::RunAgain(again));
         }
-        let label = ui.label("with seed");
+        let label = ui.label("Seed");
         ui.add(TextEdit::singleline(&mut card.seed.0).desired_width(70.0)).labelled_by(label.id);
         environment(ui, &mut card.environment, "as before");
     });

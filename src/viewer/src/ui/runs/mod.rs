@@ -137,7 +137,7 @@ pub(super) fn show(ui: &Ui, state: &mut UiState, shown: &ViewModel<'_>, actions:
     comparison::window(ui, state, shown, actions);
     start_page::show(ui, state, shown, actions);
     file_panel::show(ui, &mut state.runs, shown.runs.lists, actions);
-    question::reset(ui, &mut state.runs, actions);
+    question::reset(ui, &mut state.runs, shown.past.head.to_s, actions);
     question::leave(ui, &mut state.runs, actions);
     question::problem(ui, &mut state.runs);
 }

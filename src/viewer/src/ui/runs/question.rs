@@ -1,13 +1,13 @@
 //! What stands before everything else: the question before a reset, and what could not be opened.
 
-use super::super::UiAction;
+use super::super::{UiAction, theme};
 use super::{FilePurpose, RunPanels};
 use egui::{Id, Modal, RichText, ScrollArea, Ui};
 
 /// A run that is about to be reset.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ResetQuestion {
-    /// What it has come to, and where its log stays.
+    /// Where its log stays. The time that it has come to is that of each frame, for it goes on meanwhile.
     pub text: String,
     /// It has just come up: its button takes the keyboard.
     pub is_new: bool,
@@ -55,14 +55,15 @@ impl Problem {
 const WIDTH: f32 = 420.0;
 
 /// Asks before a run is reset.
-pub(super) fn reset(ui: &Ui, panels: &mut RunPanels, actions: &mut Vec<UiAction>) {
+pub(super) fn reset(ui: &Ui, panels: &mut RunPanels, present_s: f64, actions: &mut Vec<UiAction>) {
     let Some(question) = &mut panels.question else { return };
     let mut is_done = false;
     let modal = Modal::new(Id::unique("reset")).show(ui.ctx(), |ui| {
         ui.set_width(WIDTH.min(ui.ctx().content_rect().width() - 40.0));
         ui.heading("Reset the run?");
         ui.add_space(4.0);
-        ui.label(&question.text);
+        let at = theme::decimal(ui.ctx()).fixed(present_s, 1);
+        ui.label(format!("It is at {at} s. {}", question.text));
         ui.add_space(8.0);
         ui.horizontal(|ui| {
             let reset = ui.button("Reset");

@@ -260,7 +260,7 @@ fn status_colour(theme: Theme, colours: StatusColours, status: Status) -> Color3
             Status::Waiting => [85, 85, 85],
             Status::Driving => [0, 85, 170],
             Status::Yielding => [130, 85, 0],
-            Status::Stopped => [60, 20, 0],
+            Status::Stopped => [100, 25, 0],
             Status::Manual => [85, 0, 200],
             Status::LinkLost => [60, 45, 105],
             Status::Collided => [185, 25, 70],

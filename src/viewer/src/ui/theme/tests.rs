@@ -1,7 +1,7 @@
 //! Contrast and colour blindness, computed from the colours of the themes.
 
 use super::contrast::vision::{DEUTERANOPE, difference_to};
-use super::contrast::{contrast, legible};
+use super::contrast::{contrast, difference, legible};
 use super::{StatusColours, Theme, dark, ground_of, high_contrast, light, readable, status_colour};
 use city3d_protocol::snapshot::Status;
 use egui::{Color32, Visuals};
@@ -112,6 +112,17 @@ fn a_deuteranope_tells_apart_what_matters() {
         assert!(least(StatusColours::ColourBlind) > 20.0, "{theme:?}: {}", least(StatusColours::ColourBlind));
         // The usual colours are why there are others: the test sees the difference.
         assert!(least(StatusColours::Usual) < 10.0, "{theme:?}: {}", least(StatusColours::Usual));
+    }
+}
+
+#[test]
+fn on_light_ground_no_status_that_matters_looks_like_text() {
+    let text = light().text_color();
+    for colours in COLOURS {
+        for status in [Status::Driving, Status::Yielding, Status::Stopped, Status::Manual, Status::Collided] {
+            let apart = difference(status_colour(Theme::Light, colours, status), text);
+            assert!(apart > 40.0, "{colours:?} {status:?}: {apart:.0}");
+        }
     }
 }
 

@@ -1,6 +1,6 @@
 //! The track of the timeline: the bar with its playhead, event marks and times.
 
-use super::super::events::{colour, go_to, named, select};
+use super::super::events::{collision_remark, colour, go_to, named, select};
 use super::super::{UiAction, UiState, ViewModel, theme};
 use super::{ShownTime, TimelineRange, TimelineView};
 use city3d_protocol::snapshot::VehicleId;
@@ -168,6 +168,9 @@ fn tooltip(
         let time = decimal.fixed(mark.time_s, 2);
         let text = format!("{time}  {}  {}", mark.what.label(), named(shown.names, mark.vehicle));
         ui.label(RichText::new(text).color(colour(ui.ctx(), mark.what.kind())));
+        if let Some(remark) = collision_remark(&shown.run_state.now, mark) {
+            ui.label(RichText::new(remark).small());
+        }
     }
     if left > 0 {
         ui.weak(format!("and {left} more"));

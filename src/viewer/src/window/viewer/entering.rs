@@ -107,7 +107,7 @@ impl ViewerState {
             (ViewedRun::Run(_), Order::Reset)
                 if run_state.now.tick > 0 && run_state.phase != RunPhase::Over =>
             {
-                let text = reset_text(&run_state, self.city, self.state.preferences.decimal);
+                let text = reset_text(&run_state, self.city);
                 self.state.runs.question = Some(ResetQuestion { text, is_new: true });
             }
             _ => {
@@ -386,14 +386,13 @@ pub(super) fn differences(
     (!words.is_empty()).then(|| words.join(" "))
 }
 
-/// What a reset ends, and what stays of it.
-fn reset_text(run_state: &RunState, city: CityKind, decimal: DecimalSeparator) -> String {
-    let at = format!("It is at {} s.", decimal.fixed(run_state.now.time_s, 1));
+/// What stays of a run that a reset ends.
+fn reset_text(run_state: &RunState, city: CityKind) -> String {
     match &run_state.folder {
         Some(folder) => {
-            format!("{at} Its log stays in {}; the next run has a folder of its own.", folder.display())
+            format!("Its log stays in {}; the next run has a folder of its own.", folder.display())
         }
-        None if city == CityKind::Local => format!("{at} It is not recorded, so it is lost."),
-        None => format!("{at} This window does not record it."),
+        None if city == CityKind::Local => "It is not recorded, so it is lost.".to_owned(),
+        None => "This window does not record it.".to_owned(),
     }
 }
