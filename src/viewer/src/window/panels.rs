@@ -254,7 +254,7 @@ mod tests {
                 ui.painter_at(rect.shrink(8.0)).circle_filled(rect.center(), 40.0, colour);
                 ui.painter().rect_filled(rect, 9.0, colour);
             };
-            let output = egui.run_ui(input(), show);
+            let mut output = egui.run_ui(input(), show);
             let primitives = egui.tessellate(output.shapes, 1.0);
             let screen = ScreenDescriptor { size_in_pixels: EXTENT, pixels_per_point: 1.0 };
             let options = RendererOptions { dithering: false, ..RendererOptions::default() };
@@ -266,7 +266,8 @@ mod tests {
                     panels.textures().update_texture(device, queue, *id, delta);
                 }
             }
-            let mut draw = |draw: &mut dyn FnMut(&mut wgpu::CommandEncoder, &wgpu::TextureView)| {
+            output.textures_delta.clear();
+            let draw = |draw: &mut dyn FnMut(&mut wgpu::CommandEncoder, &wgpu::TextureView)| {
                 let texture = device.create_texture(&wgpu::TextureDescriptor {
                     label: None,
                     size: wgpu::Extent3d { width: EXTENT[0], height: EXTENT[1], depth_or_array_layers: 1 },
