@@ -14,7 +14,7 @@ use city3d_models::Model;
 use city3d_models::glb::linear_from_srgb;
 use city3d_protocol::snapshot::{BodyType, FrameSnapshot, Indicator, VehicleId, VehicleInfo, VehicleState};
 use city3d_sensors::View;
-use glam::{DMat4, Mat3, Quat, Vec3};
+use glam::{BVec3, DMat4, Mat3, Quat, Vec3};
 use std::collections::BTreeMap;
 use std::f32::consts::PI;
 use std::ops::Range;
@@ -41,6 +41,8 @@ struct GpuMesh {
     /// What cameras on the vehicle see of its body: the same in all presets, so that ground truth agrees.
     own_body: VehicleMesh,
     own_vertices: wgpu::Buffer,
+    /// Box of the body at all levels, body frame.
+    bounds: [Vec3; 2],
     lenses: Vec<LampLens>,
     half_track_m: f32,
 }
@@ -137,7 +139,12 @@ impl GpuMesh {
             }
         }
         let buffer = |contents: &[u8], usage| filled_buffer(device, "vehicles", contents, usage);
+        let bodies = fitted.levels.iter().flat_map(|level| &level.body.vertices);
+        let bounds = bodies
+            .map(|vertex| Vec3::from(vertex.position))
+            .fold([Vec3::INFINITY, Vec3::NEG_INFINITY], |[low, high], at| [low.min(at), high.max(at)]);
         Self {
+            bounds,
             vertices: buffer(bytemuck::cast_slice(&mesh.vertices), wgpu::BufferUsages::VERTEX),
             indices: buffer(bytemuck::cast_slice(&mesh.indices), wgpu::BufferUsages::INDEX),
             levels,
@@ -352,6 +359,17 @@ impl FleetRenderer {
     /// Centre and radius of the bounding sphere of each vehicle.
     pub(super) fn bounding_spheres(&self) -> impl Iterator<Item = (Vec3, f32)> {
         self.placed.iter().map(|p| (p.centre, p.radius))
+    }
+
+    /// Corners of the box of each body that casts a shadow, in the city.
+    pub(super) fn shadow_boxes(&self) -> impl Iterator<Item = [Vec3; 8]> {
+        self.placed.iter().filter_map(|placed| {
+            let [low, high] = self.meshes.get(&placed.key)?.bounds;
+            Some(std::array::from_fn(|k| {
+                let corner = Vec3::select(BVec3::new(k & 1 > 0, k & 2 > 0, k & 4 > 0), high, low);
+                placed.position + placed.orientation * corner
+            }))
+        })
     }
 
     /// Glows of the lamps of each vehicle, in the order of the snapshot.

@@ -48,13 +48,18 @@ impl SunView {
         Self { shadow_from_world, texel_m, texels }
     }
 
-    /// Texels that the shadow of a sphere can touch: left, top, width, height.
-    fn patch(&self, centre: Vec3, radius: f32) -> [u32; 4] {
-        let at = self.shadow_from_world.project_point3(centre).truncate() * Vec2::new(0.5, -0.5) + 0.5;
-        let (at, reach) = (at * self.texels as f32, radius / self.texel_m + 2.0);
+    /// Texels that the shadow of a box with these corners can touch: left, top, width, height.
+    fn patch(&self, corners: [Vec3; 8]) -> [u32; 4] {
+        const MARGIN: f32 = 2.0;
         let most = self.texels as f32;
-        let low = (at - reach).floor().clamp(Vec2::ZERO, Vec2::splat(most));
-        let high = (at + reach).ceil().clamp(Vec2::ZERO, Vec2::splat(most));
+        let at = corners.map(|corner| {
+            let seen = self.shadow_from_world.project_point3(corner).truncate();
+            (seen * Vec2::new(0.5, -0.5) + 0.5) * most
+        });
+        let low = at.into_iter().fold(Vec2::INFINITY, Vec2::min) - MARGIN;
+        let high = at.into_iter().fold(Vec2::NEG_INFINITY, Vec2::max) + MARGIN;
+        let low = low.floor().clamp(Vec2::ZERO, Vec2::splat(most));
+        let high = high.ceil().clamp(Vec2::ZERO, Vec2::splat(most));
         [low.x, low.y, high.x - low.x, high.y - low.y].map(|x| x as u32)
     }
 }
@@ -212,8 +217,7 @@ impl ShadowPass {
         }
         self.scissor_rim(&mut pass);
         self.vehicle_patches.clear();
-        self.vehicle_patches
-            .extend(fleet.bounding_spheres().map(|(centre, radius)| self.sun.patch(centre, radius)));
+        self.vehicle_patches.extend(fleet.shadow_boxes().map(|corners| self.sun.patch(corners)));
         pass.set_pipeline(&self.vehicles);
         fleet.draw_shadows(&mut pass, self.sun.texel_m);
     }

@@ -87,7 +87,7 @@ pub fn show(ui: &Ui, rect: Rect, state: &mut UiState, shown: &ViewModel<'_>) {
     for lane in &shown.map.lanes {
         let line: Vec<Pos2> =
             lane.curve.sample(4.0).into_iter().map(|(_, point)| on_screen(point.pose.position)).collect();
-        painter.line(line, stroke);
+        painter.line(thinned(&line), stroke);
     }
     let zones = shown.control_zones.iter().enumerate();
     for (zone, stretch) in zones.flat_map(|(zone, area)| area.stretches.iter().map(move |s| (zone, *s))) {
@@ -139,6 +139,23 @@ pub fn show(ui: &Ui, rect: Rect, state: &mut UiState, shown: &ViewModel<'_>) {
     response.on_hover_text("Click to look there, right-click a vehicle for its menu (M hides the map)");
 }
 
+/// Fewer points of a line: those left out lie closer than a fifth of a point to it. Each costs a software adapter as much as a letter.
+fn thinned(line: &[Pos2]) -> Vec<Pos2> {
+    const OFF: f32 = 0.2;
+    let mut kept: Vec<Pos2> = line.first().copied().into_iter().collect();
+    let mut start = 0;
+    while start + 1 < line.len() {
+        let is_near = |end: usize| {
+            let way = (line[end] - line[start]).normalized().rot90();
+            line[start + 1..end].iter().all(|at| way.dot(*at - line[start]).abs() < OFF)
+        };
+        let end = (start + 1..line.len()).take_while(|&end| is_near(end)).last().unwrap_or(start + 1);
+        kept.push(line[end]);
+        start = end;
+    }
+    kept
+}
+
 /// A vehicle farther than this beyond the lanes has left the city.
 const LEFT_M: f64 = 40.0;
 
@@ -170,4 +187,27 @@ pub fn paint_arrow(painter: &Painter, at: Pos2, direction: Vec2, (size, colour):
         colour,
         Stroke::new(1.0, Color32::from_black_alpha(160)),
     ));
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lines_keep_what_is_seen_of_them() {
+        let straight: Vec<Pos2> = (0..20).map(|k| Pos2::new(k as f32, 0.5 * k as f32)).collect();
+        assert_eq!(thinned(&straight), [straight[0], straight[19]]);
+        let round: Vec<Pos2> =
+            (0..=90).map(|k| Pos2::ZERO + 40.0 * Vec2::angled((k as f32).to_radians())).collect();
+        let kept = thinned(&round);
+        assert!(kept.len() < 15 && kept[0] == round[0] && kept.last() == round.last(), "{}", kept.len());
+        let off = |at: &Pos2| {
+            let pieces = kept.windows(2);
+            pieces
+                .map(|ends| (at.distance(ends[0]) + at.distance(ends[1])) - ends[0].distance(ends[1]))
+                .fold(f32::INFINITY, f32::min)
+        };
+        assert!(round.iter().all(|at| off(at) < 0.05));
+        assert!(thinned(&[]).is_empty() && thinned(&round[..1]).len() == 1);
+    }
 }

@@ -12,6 +12,7 @@ mod gamepads;
 mod loading;
 mod opening;
 mod painter;
+mod panels;
 mod path_figures;
 mod picture;
 mod recorded_runs;

@@ -1,6 +1,7 @@
 //! Draws a frame of the window: the requested pictures of the city into textures, and the panels over them.
 
 use super::WindowError;
+use super::panels::PanelRenderer;
 use crate::ui::{self, Look, MORE_VIEWS, PictureRequest, PictureSlot, QualityPreset};
 use city3d_protocol::snapshot::{FrameSnapshot, VehicleId};
 use city3d_render::{
@@ -8,7 +9,7 @@ use city3d_render::{
 };
 use city3d_scene::SceneDescription;
 use city3d_simulation::scenario::Experiment;
-use egui_wgpu::{RendererOptions, ScreenDescriptor};
+use egui_wgpu::ScreenDescriptor;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
@@ -18,7 +19,7 @@ pub struct WindowPainter {
     city: Renderer,
     /// Quality and time of day of the renderer.
     look: Look,
-    panels: egui_wgpu::Renderer,
+    panels: PanelRenderer,
     /// Format of the targets.
     format: wgpu::TextureFormat,
     slots: BTreeMap<PictureSlot, Texture>,
@@ -94,9 +95,7 @@ impl WindowPainter {
         format: wgpu::TextureFormat,
     ) -> Result<Self, WindowError> {
         let city = renderer(&context, experiment, look)?;
-        // Dithering would cost a software adapter at every pixel what only gradients need.
-        let options = RendererOptions { dithering: false, ..RendererOptions::default() };
-        let panels = egui_wgpu::Renderer::new(&context.device, format, options);
+        let panels = PanelRenderer::new(&context.device, format);
         Ok(Self { context, city, look, panels, format, slots: BTreeMap::new(), drawn: None })
     }
 
@@ -135,7 +134,7 @@ impl WindowPainter {
             self.slots.keys().filter(|slot| !pictures.iter().any(|p| p.slot == **slot)).copied().collect();
         for slot in gone {
             if let Some(texture) = self.slots.remove(&slot) {
-                self.panels.free_texture(&texture.id);
+                self.panels.textures().free_texture(&texture.id);
             }
         }
         for picture in pictures {
@@ -201,10 +200,14 @@ impl WindowPainter {
         let id = match self.slots.get(&picture.slot) {
             Some(slot) => {
                 let filter = wgpu::FilterMode::Linear;
-                self.panels.update_egui_texture_from_wgpu_texture(device, &view, filter, slot.id);
+                let textures = self.panels.textures();
+                textures.update_egui_texture_from_wgpu_texture(device, &view, filter, slot.id);
                 slot.id
             }
-            None => self.panels.register_native_texture(device, &view, wgpu::FilterMode::Linear),
+            None => {
+                let textures = self.panels.textures();
+                textures.register_native_texture(device, &view, wgpu::FilterMode::Linear)
+            }
         };
         self.slots.insert(picture.slot, Texture { extent, texture, id });
     }
@@ -251,7 +254,7 @@ impl WindowPainter {
         let (device, queue) = (&self.context.device, &self.context.queue);
         for (id, deltas) in &output.textures_delta.set {
             for delta in deltas {
-                self.panels.update_texture(device, queue, *id, delta);
+                self.panels.textures().update_texture(device, queue, *id, delta);
             }
         }
         let gone: Vec<egui::TextureId> = output.textures_delta.free.iter().copied().collect();
@@ -262,7 +265,7 @@ impl WindowPainter {
             let ground = self.clear_colour(ui::ground(egui));
             screens.iter().for_each(|screen| self.paint_primitives((&primitives, ground), points, *screen));
         }
-        gone.iter().for_each(|id| self.panels.free_texture(id));
+        gone.iter().for_each(|id| self.panels.textures().free_texture(id));
     }
 
     /// Clear colour under the panels: a clear costs less than a rectangle.
@@ -284,8 +287,7 @@ impl WindowPainter {
         let (device, queue) = (&self.context.device, &self.context.queue);
         let size = ScreenDescriptor { size_in_pixels: screen.extent, pixels_per_point };
         let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-        let before = self.panels.update_buffers(device, queue, &mut encoder, primitives, &size);
-        let pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
+        let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
             label: Some("panels"),
             color_attachments: &[Some(wgpu::RenderPassColorAttachment {
                 view: screen.view,
@@ -295,8 +297,9 @@ impl WindowPainter {
             })],
             ..Default::default()
         });
-        self.panels.render(&mut pass.forget_lifetime(), primitives, &size);
-        queue.submit(before.into_iter().chain([encoder.finish()]));
+        self.panels.paint((device, queue), &mut pass, primitives, &size);
+        drop(pass);
+        queue.submit([encoder.finish()]);
     }
 }
 
