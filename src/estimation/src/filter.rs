@@ -252,9 +252,15 @@ impl<F: Frame> MotionFilter<F> {
         }
     }
 
+    /// A filter without information about a vehicle whose first poses have no more noise than the model states, such as
+    /// those of a simulated city.
+    pub fn of_exact_poses(noise: NoiseModel<F>) -> Self {
+        Self { start: None, ..Self::new(noise) }
+    }
+
     /// A filter for a vehicle whose motion is known, as after its setup: `speed_mps` along its heading.
     pub fn moving(noise: NoiseModel<F>, stamp_s: f64, pose: Pose2<F>, speed_mps: f64) -> Self {
-        let mut filter = Self { start: None, ..Self::new(noise) };
+        let mut filter = Self::of_exact_poses(noise);
         let mut state =
             FilterState::unknown(&noise, stamp_s).placed(pose, filter.noise_estimator.variances());
         state.velocity = pose.forward() * speed_mps;

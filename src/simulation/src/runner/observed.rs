@@ -161,7 +161,7 @@ impl ObservedCity {
             let noise = if is_physical { carried_noise(self.noise, experiment) } else { self.noise };
             let filter = match start_mps {
                 Some(speed_mps) => MotionFilter::moving(noise, stamp_s, pose, speed_mps),
-                None => MotionFilter::new(noise),
+                None => MotionFilter::of_exact_poses(noise),
             };
             VehicleTrack::new(filter, is_physical)
         });
@@ -225,7 +225,7 @@ impl ObservedCity {
         let mut state = VehicleState { id, status, position, orientation, ..VehicleState::default() };
         let (noise, is_physical) = (self.noise, self.is_physical(id));
         let track =
-            self.tracks.entry(id).or_insert_with(|| VehicleTrack::new(MotionFilter::new(noise), is_physical));
+            self.tracks.entry(id).or_insert_with(|| VehicleTrack::new(MotionFilter::of_exact_poses(noise), is_physical));
         // The city decides with all poses whether a physical vehicle stands.
         let found_to_stand = match status {
             _ if !track.is_physical => None,
