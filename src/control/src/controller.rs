@@ -249,14 +249,14 @@ mod tests {
 
     #[test]
     fn cruise_does_not_see_what_idm_brakes_for() {
-        let wall = Some(LeaderState { gap_m: 0.05, speed_mps: 0.0 });
+        let wall = LeaderState { gap_m: 0.05, speed_mps: 0.0 };
         let own = OwnMotion { planned_mps: 0.2, measured_mps: 0.2, ..OwnMotion::default() };
-        let u = |name| controller(name, DriverParams::default()).unwrap().acceleration(own, 0.35, wall);
+        let u = |name| controller(name, DriverParams::default()).unwrap().acceleration(own, 0.35, Some(wall));
         assert_eq!(u("idm"), -0.2);
         assert!(u("cruise") > 0.0);
         // It stops at the end of its route as others do.
         let cruise = controller("cruise", DriverParams::default()).unwrap();
-        assert_eq!(cruise.acceleration_to_end(own, 0.35, wall.unwrap()), -0.2);
+        assert_eq!(cruise.acceleration_to_end(own, 0.35, wall), -0.2);
     }
 
     #[test]

@@ -224,8 +224,10 @@ impl ObservedCity {
         let ObservedMotion { vehicle: id, status, position, orientation, motion } = *seen;
         let mut state = VehicleState { id, status, position, orientation, ..VehicleState::default() };
         let (noise, is_physical) = (self.noise, self.is_physical(id));
-        let track =
-            self.tracks.entry(id).or_insert_with(|| VehicleTrack::new(MotionFilter::of_exact_poses(noise), is_physical));
+        let track = self
+            .tracks
+            .entry(id)
+            .or_insert_with(|| VehicleTrack::new(MotionFilter::of_exact_poses(noise), is_physical));
         // The city decides with all poses whether a physical vehicle stands.
         let found_to_stand = match status {
             _ if !track.is_physical => None,
