@@ -157,22 +157,25 @@ impl Path {
 
     /// Keeps the path between two stations, thinned out where it is dense.
     pub(super) fn keep(&mut self, from: f64, to: f64) {
-        let mut before: Option<PathNode> = None;
-        let mut is_next = false;
-        self.nodes.retain_mut(|node| {
-            let is_apart = before.is_none_or(|before| node.station - before.station > KEPT_SPACING_M);
-            let keeps = node.station >= from && node.station <= to && is_apart;
+        let (nodes, places) = (&mut self.nodes, &mut self.places);
+        // Kept nodes move to the front. Most of them stay neighbours, and their spans as they are.
+        let (mut kept, mut is_next) = (0, false);
+        for index in 0..nodes.len() {
+            let station = nodes[index].station;
+            let is_apart = kept == 0 || station - nodes[kept - 1].station > KEPT_SPACING_M;
+            let keeps = station >= from && station <= to && is_apart;
             if keeps {
-                if let Some(before) = before.filter(|_| !is_next) {
-                    node.span = CubicSpan::between(&before, node);
+                (nodes[kept], places[kept]) = (nodes[index], places[index]);
+                if kept > 0 && !is_next {
+                    nodes[kept].span = CubicSpan::between(&nodes[kept - 1], &nodes[kept]);
+                    places[kept] = nodes[kept].place();
                 }
-                before = Some(*node);
+                kept += 1;
             }
             is_next = keeps;
-            keeps
-        });
-        self.places.clear();
-        self.places.extend(self.nodes.iter().map(PathNode::place));
+        }
+        nodes.truncate(kept);
+        places.truncate(kept);
     }
 
     /// The nearest point to `point` between two stations, for a vehicle with heading `forward`; extensions
@@ -181,23 +184,23 @@ impl Path {
         let (first, last) = (self.nodes.first()?, self.nodes.last()?);
         let begin = self.places.partition_point(|place| place.station < from).saturating_sub(1);
         let mut best = NearestSearch { cost: f64::INFINITY, within_m: f64::INFINITY, nearest: None };
-        // Nodes that a span leads to.
-        let reachable =
-            || (begin + 1..self.places.len()).take_while(|node| self.places[node - 1].station <= to);
-        let to_middle = |node: usize| self.places[node].middle.distance_squared(point);
-        let nearest_of = |node: usize| {
+        let count = self.places[begin..self.places.len() - 1].partition_point(|place| place.station <= to);
+        // Of the nodes that a span leads to.
+        let reachable = &self.places[begin + 1..begin + 1 + count];
+        let to_middle = |place: &SpanPlace| place.middle.distance_squared(point);
+        let nearest_of = |index: usize| {
+            let node = begin + 1 + index;
             let [from, to] = [node - 1, node].map(|end| self.places[end].station);
             self.nodes[node].span.nearest(point, from, to)
         };
         // The likeliest span first: it bounds the search in the others.
-        let likeliest = reachable().min_by(|a, b| to_middle(*a).total_cmp(&to_middle(*b)));
-        if let Some(likeliest) = likeliest {
+        if let Some(likeliest) = least(reachable.iter().map(to_middle)) {
             let (distance_squared, nearest) = nearest_of(likeliest);
             best.offer(distance_squared, nearest, forward);
-            for node in reachable().filter(|node| *node != likeliest) {
-                let reach = best.within_m + self.places[node].reach_m;
-                if to_middle(node) <= reach * reach {
-                    let (distance_squared, nearest) = nearest_of(node);
+            for (index, place) in reachable.iter().enumerate() {
+                let reach = best.within_m + place.reach_m;
+                if index != likeliest && to_middle(place) <= reach * reach {
+                    let (distance_squared, nearest) = nearest_of(index);
                     best.offer(distance_squared, nearest, forward);
                 }
             }
@@ -225,6 +228,12 @@ impl PathNode {
     fn ahead_of(&self, point: DVec2) -> f64 {
         (point - self.pose.position).dot(self.forward)
     }
+}
+
+/// Index of the first of the least numbers.
+fn least(numbers: impl Iterator<Item = f64>) -> Option<usize> {
+    let smaller = |best: (usize, f64), next: (usize, f64)| if next.1 < best.1 { next } else { best };
+    numbers.enumerate().reduce(smaller).map(|(index, _)| index)
 }
 
 /// Penalty for a branch in another direction, m2.
