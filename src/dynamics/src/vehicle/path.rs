@@ -182,11 +182,14 @@ impl Path {
     /// count if the range reaches them. `None` for an empty path.
     pub(super) fn nearest(&self, point: DVec2, forward: DVec2, from: f64, to: f64) -> Option<NearestPoint> {
         let (first, last) = (self.nodes.first()?, self.nodes.last()?);
-        let begin = self.places.partition_point(|place| place.station < from).saturating_sub(1);
+        // One after the other, as the processor fetches them: the stretch is near the front, and what is read first is hardly
+        // ever at hand.
+        let begin = self.places.iter().take_while(|place| place.station < from).count().saturating_sub(1);
         let mut best = NearestSearch { cost: f64::INFINITY, within_m: f64::INFINITY, nearest: None };
-        let count = self.places[begin..self.places.len() - 1].partition_point(|place| place.station <= to);
+        let (ends, spans) = (&self.places[begin..], &self.places[begin + 1..]);
+        let count = ends.iter().zip(spans).take_while(|(before, _)| before.station <= to).count();
         // Of the nodes that a span leads to.
-        let reachable = &self.places[begin + 1..begin + 1 + count];
+        let reachable = &spans[..count];
         let to_middle = |place: &SpanPlace| place.middle.distance_squared(point);
         let nearest_of = |index: usize| {
             let node = begin + 1 + index;
