@@ -318,6 +318,26 @@ fn plot_says_which_merging_point_it_shows_and_how_to_choose_another() {
     assert_ne!(vehicles("first"), vehicles("second"));
 }
 
+/// A run that ends while vehicles queue before the merging point, as a city in a window always does.
+#[test]
+fn who_queues_before_the_merging_point_is_on_its_path() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    for seconds in ["14", "17"] {
+        let output =
+            city3d(&["run", "mixed", "--duration", seconds, "--out", "run", "--force"], folder).output();
+        assert!(output.unwrap().status.success());
+        let (code, _, complaint) = tell(&["plot", "run", "--out", "figures", "--force"], folder);
+        assert_eq!(code, 0, "{complaint}");
+        let rows = table(&folder.join("figures/space_time.csv"));
+        let on_paths: BTreeSet<(&str, &str)> =
+            rows.iter().map(|row| (&row["vehicle"][..], &row["path"][..])).collect();
+        let expected = ["1", "2", "3"].map(|id| (id, "Path 1"));
+        let expected = expected.into_iter().chain(["4", "5", "6"].map(|id| (id, "Path 2"))).collect();
+        assert_eq!(on_paths, expected, "after {seconds} s");
+    }
+}
+
 #[test]
 fn a_run_held_against_itself_is_the_same() {
     let folder = tempfile::tempdir().unwrap();

@@ -191,7 +191,9 @@ impl StreamLayout {
         let (before_m, behind_m) = (scale.city_from_lab(BEFORE_M), scale.city_from_lab(BEHIND_M));
         let mut members = Vec::new();
         for trace in &run.vehicles {
-            let all = passes(&run.experiment.city_map, trace, merge);
+            let mut all = passes(&run.experiment.city_map, trace, merge);
+            // Who queues before it is on the path too.
+            all.extend(approach_of(run, trace, merge, before_m));
             for (index, &(zero_m, lane)) in all.iter().enumerate() {
                 if lane != approach {
                     continue;
@@ -274,6 +276,41 @@ fn passes(map: &CityMap, trace: &Trace, merge: &MergingPoint) -> Vec<(f64, LaneI
         (is_way && merge.lanes.contains(&after.lane)).then_some((after.start_m, before.lane))
     });
     through.collect()
+}
+
+/// Station of a merging point that a vehicle will come to within `most_m` after its last sample, and the lane from which.
+fn approach_of(run: &RunLog, trace: &Trace, merge: &MergingPoint, most_m: f64) -> Option<(f64, LaneId)> {
+    let map = &run.experiment.city_map;
+    let last = trace.track.visits.last()?;
+    let front_m = (0..trace.samples.len()).rev().map(|k| trace.front_m(k)).find(|front| front.is_finite())?;
+    let (mut at_m, mut before) = (last.start_m + map.lane(last.lane).curve.length(), last.lane);
+    for lane in way_ahead(run, trace) {
+        if merge.lanes.contains(&lane) {
+            return (at_m - front_m <= most_m).then_some((at_m, before));
+        }
+        (at_m, before) = (at_m + map.lane(lane).curve.length(), lane);
+    }
+    None
+}
+
+/// Lanes after the last one that a vehicle has driven: those of its planned route or, where it is on none, the only ones that
+/// follow.
+fn way_ahead(run: &RunLog, trace: &Trace) -> Vec<LaneId> {
+    let (map, visits) = (&run.experiment.city_map, &trace.track.visits);
+    let Some(last) = visits.last().map(|visit| visit.lane) else { return Vec::new() };
+    let rounds = visits.iter().filter(|visit| visit.lane == last).count();
+    let route = run.experiment.planned(trace.id).map_or(&[][..], |planned| &planned.route);
+    let mut places = (0..route.len()).filter(|index| route[*index] == last);
+    if let Some(place) = places.nth(rounds - 1) {
+        return route[place + 1..].to_vec();
+    }
+    let mut ahead = Vec::new();
+    while ahead.len() < map.lanes.len()
+        && let [next] = map.lane(*ahead.last().unwrap_or(&last)).successors[..]
+    {
+        ahead.push(next);
+    }
+    ahead
 }
 
 /// The merging points of at least two streams; those with most vehicles first.

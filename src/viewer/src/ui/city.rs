@@ -175,6 +175,9 @@ fn distance_to_segment(point: Pos2, from: Pos2, to: Pos2) -> f32 {
     point.distance(from + along * share.clamp(0.0, 1.0))
 }
 
+/// Slower than this backwards, the dashboard shows a speed without its sign: it would be 0.
+const ROLLS_BACK_MPS: f64 = 0.15;
+
 /// Speed and pedals of the vehicle that the user drives; returns where they are.
 fn dashboard(ui: &Ui, rect: Rect, state: &UiState, shown: &ViewModel<'_>) -> Option<Rect> {
     let driving = state.driving.as_ref()?;
@@ -192,7 +195,10 @@ fn dashboard(ui: &Ui, rect: Rect, state: &UiState, shown: &ViewModel<'_>) -> Opt
         city3d_protocol::snapshot::Indicator::Hazard => "\u{25c0} \u{25b6}",
     };
     let (units, scale) = (state.preferences.units, shown.scale());
-    let speed = units.dashboard(vehicle.speed_mps.abs(), scale, state.preferences.decimal);
+    // Backwards it is negative, as in the table: in gear D a vehicle may roll back.
+    let speed_mps =
+        if vehicle.speed_mps > -ROLLS_BACK_MPS { vehicle.speed_mps.abs() } else { vehicle.speed_mps };
+    let speed = units.dashboard(speed_mps, scale, state.preferences.decimal);
     // A lab vehicle has no driver here.
     let speed = status::speed_words((vehicle.status, true), speed);
     let trouble = trouble(state, shown, vehicle.status, pedals.reverse);

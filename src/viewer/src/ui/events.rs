@@ -304,9 +304,15 @@ pub fn collision_remark(seen: &FrameSnapshot, mark: &TimelineMark) -> Option<Str
     (!physical.is_empty()).then(|| format!("{} {is} measured, {feels}", physical.join(" and ")))
 }
 
-/// A tip of an event, with what its collision means to a vehicle of the laboratory.
+/// When the event of moving off is, beside the time that it tells.
+const STOOD: &str = "It stood from when it was below 0.1 m/s until it was faster than 0.4 m/s. The event is a little later, when it had left \
+                     its place, and \"standstill\" is when it was certain to stand";
+
+/// A tip of an event, with what its times mean, or its collision to a vehicle of the laboratory.
 fn with_remark(shown: &ViewModel<'_>, mark: &TimelineMark, tip: &str) -> String {
-    let remark = collision_remark(&shown.run_state.now, mark);
+    let has_stood = matches!(mark.what, Occurrence::Event(EventKind::Go { .. }));
+    let stood = has_stood.then(|| STOOD.to_owned());
+    let remark = stood.or_else(|| collision_remark(&shown.run_state.now, mark));
     remark.map_or_else(|| tip.to_owned(), |remark| format!("{tip}. {remark}"))
 }
 

@@ -48,7 +48,10 @@ fn lines(state: &UiState, shown: &ViewModel<'_>) -> Vec<LegendLine> {
     let many = format!("more than {} routes: the wider, the more", overlay::ROUTES_APART);
     let has_many = layers.all_routes && overlay::has_many_routes(state.selection.vehicle, shown);
     add(has_many, overlay::MANY_ROUTES, &many);
-    add(layers.tracks && shown.edit.is_none(), overlay::DRIVEN, "driven path, the last 20 s");
+    let has_tracks = layers.tracks && shown.edit.is_none();
+    if let Some(id) = state.selection.vehicle {
+        add(has_tracks, overlay::DRIVEN, &format!("driven path of vehicle {id}, the last 20 s"));
+    }
     add(layers.path, overlay::PLANNED, "way ahead, a dot every second");
     let gap = match state.selection.vehicle {
         Some(_) => "gap of the selected vehicle to the one ahead",
@@ -58,6 +61,11 @@ fn lines(state: &UiState, shown: &ViewModel<'_>) -> Vec<LegendLine> {
     add(layers.gaps, overlay::CLOSE_GAP, "gap of less than 1 s");
     add(layers.measured, overlay::MEASURED, &measured_words(shown));
     add(layers.frusta, overlay::FRUSTUM, "what a camera sees");
+    if has_tracks {
+        let of_others = if state.selection.vehicle.is_some() { " of the others" } else { "" };
+        let text = format!("driven paths{of_others}, the last 20 s, in their colours");
+        lines.push(LegendLine { mark: LegendMark::Bodies(some_bodies(shown)), text });
+    }
     if layers.all_routes {
         let text = if state.selection.vehicle.is_some() { "routes of the others" } else { "routes" };
         let mark = LegendMark::Bodies(some_bodies(shown));

@@ -103,9 +103,11 @@ fn scale_bar(canvas: &Canvas<'_>, corner: Pos2, (length_m, points): (f64, f32)) 
 fn north(canvas: &Canvas<'_>, middle: Pos2) {
     let on_screen = north_in(canvas.view().extrinsics.orientation);
     let painter = canvas.painter();
-    painter.circle_filled(middle, 15.0, GROUND);
-    map::paint_arrow(painter, middle, on_screen.normalized(), (9.0, COLOUR));
-    let text = middle - on_screen.normalized() * 8.0;
+    let direction = on_screen.normalized();
+    painter.circle_filled(middle, 16.0, GROUND);
+    // The letter is where the arrow points, as on maps: behind it, it would tell the south.
+    map::paint_arrow(painter, middle - direction * 6.0, direction, (8.0, COLOUR));
+    let text = middle + direction * 9.0;
     painter.text(text, Align2::CENTER_CENTER, "N", FontId::proportional(11.0), COLOUR);
 }
 

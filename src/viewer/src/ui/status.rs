@@ -134,8 +134,10 @@ pub fn reason(keys: &KeyMap, vehicle: &VehicleState, info: &VehicleInfo, map: &C
         // It feels nothing of what is simulated, and no key helps.
         Status::Collided if info.is_physical() => RAMMED_PHYSICAL,
         Status::Collided => return keys.tip(meaning(Status::Collided), &TAKE_CONTROL),
-        Status::Driving | Status::Yielding | Status::Stopped | Status::Finished if info.is_physical() => {
-            meaning(Status::Physical)
+        status @ (Status::Driving | Status::Yielding | Status::Stopped | Status::Finished)
+            if info.is_physical() =>
+        {
+            return format!("{}. {}", meaning(status), meaning(Status::Physical));
         }
         status => meaning(status),
     };
@@ -143,7 +145,7 @@ pub fn reason(keys: &KeyMap, vehicle: &VehicleState, info: &VehicleInfo, map: &C
 }
 
 /// What a collision means to a vehicle of the laboratory.
-pub(super) const RAMMED_PHYSICAL: &str = "A lab vehicle: it is measured, feels nothing of a collision with virtual vehicles, and drives on. The status lasts until the two are clear of one another";
+pub(super) const RAMMED_PHYSICAL: &str = "A lab vehicle: it is measured, feels nothing of a collision with virtual vehicles, and drives on. The status lasts until the two are clear of one another, and hides whether it drives, gives way or stands meanwhile";
 
 /// In place of a quantity that nobody has measured.
 pub(super) const NOT_MEASURED: &str = "-";

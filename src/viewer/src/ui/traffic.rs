@@ -170,7 +170,10 @@ const COLUMNS: [(&str, &str); 10] = [
     (SLOW_STOPS, STOPS),
     ("Queue now", "Vehicles that are stopped now"),
     ("Queue, mean", "Vehicles that are stopped, mean over time"),
-    ("Queue, most", "The most vehicles that were stopped at a time"),
+    (
+        "Queue, most",
+        "The most vehicles that were stopped at a time, also before they moved off for the first time",
+    ),
 ];
 
 /// Between columns of numbers, points: closer ones read as one number.
@@ -209,7 +212,8 @@ fn safety_and_energy(ui: &mut Ui, traffic: &LiveTraffic) {
         ),
         (
             "Least post-encroachment",
-            text(safety.min_pet_s, "s"),
+            // It may be slightly below 0, which means something else.
+            safety.min_pet_s.map_or_else(|| "-".to_owned(), |pet_s| format!("{} s", decimal.fixed(pet_s, 2))),
             "From the exit of one vehicle out of a conflict zone to the entry of the next from the other side; negative \
              where both were inside",
         ),

@@ -446,3 +446,16 @@ fn the_dashboard_is_low_and_leaves_the_rulers_and_the_driven_vehicle_in_sight() 
     assert!(first.top() > city.bottom() - 140.0, "{first:?} in {city:?}");
     assert!(gear.bottom() < city.bottom() - 38.0, "{gear:?} in {city:?}");
 }
+
+#[test]
+fn the_dashboard_tells_a_vehicle_that_rolls_back_in_gear_d() {
+    let mut desk = Desk::with(fleet(1));
+    desk.state.driving = Some(ManualDrive::take_over(VehicleId(1), 1, 0.0));
+    desk.change(|now| now.vehicles[0].speed_mps = -1.0);
+    let mut harness = harness(desk);
+    assert!(has_text(&harness, "-4 km/h"), "{:?}", texts(&harness));
+    // A trace of it is none.
+    harness.state_mut().change(|now| now.vehicles[0].speed_mps = -0.05);
+    harness.run_steps(3);
+    assert!(has_text(&harness, "0 km/h") && !has_text(&harness, "-0 km/h"), "{:?}", texts(&harness));
+}

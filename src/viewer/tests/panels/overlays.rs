@@ -191,6 +191,18 @@ fn following(gap_m: f64) -> Desk {
 }
 
 #[test]
+fn the_legend_tells_the_driven_path_of_the_selected_vehicle_from_those_of_the_others() {
+    let mut desk = following(12.0);
+    desk.state.layers.tracks = true;
+    let mut harness = harness(desk);
+    assert!(has_text(&harness, "driven paths, the last 20 s, in their colours"), "{:?}", texts(&harness));
+    harness.state_mut().state.selection.vehicle = Some(VehicleId(1));
+    harness.run_steps(3);
+    assert!(has_text(&harness, "driven path of vehicle 1, the last 20 s"), "{:?}", texts(&harness));
+    assert!(has_text(&harness, "driven paths of the others, the last 20 s, in their colours"));
+}
+
+#[test]
 fn gaps_are_written_in_metres_and_seconds() {
     for (gap_m, text) in [(12.0, "12.0 m, 1.5 s"), (4.0, "4.0 m, 0.5 s")] {
         let mut desk = following(gap_m);

@@ -184,7 +184,7 @@ fn tip_of(name: &str) -> Option<&'static str> {
             "Distance over the time in the city, mean over the vehicles: one that has arrived and stays slows it",
         ),
         LONGEST_STAND => Some(
-            "Of any vehicle on its way: faster than 0.1 m/s for a moment ends it, and who has arrived does not count",
+            "Of any vehicle on its way: faster than 0.1 m/s for a moment ends it, and who has arrived or has not moved yet does not count",
         ),
         "Throughput" => Some(traffic::FLOW),
         "Mean delay" => Some(traffic::DELAY),
