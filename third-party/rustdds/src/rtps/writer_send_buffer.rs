@@ -348,15 +348,18 @@ impl WriterSendBuffer {
 
   // A reader that is behind by more than three quarters of the window, and so
   // holds up those who do acknowledge, loses what is older. Called as others
-  // acknowledge.
+  // acknowledge. Of one that has not acknowledged anything yet it is not known
+  // what it waits for: a new one has no claim to what was sent before it came.
   fn overwritten(shared: &Shared, inner: &Inner, acked_before: SequenceNumber) -> SequenceNumber {
     if !shared.overwrites || shared.is_builtin {
       return acked_before;
     }
     let kept = (inner.window_limit * 3 / 4) as i64;
     let least = SequenceNumber::new(i64::from(inner.last_seq) - kept + 1);
-    let lost = i64::from(least) - i64::from(max(acked_before, inner.acked_before));
-    limits::drop_some(lost.max(0) as u64);
+    if acked_before > SequenceNumber::new(1) {
+      let lost = i64::from(least) - i64::from(max(acked_before, inner.acked_before));
+      limits::drop_some(lost.max(0) as u64);
+    }
     max(acked_before, least)
   }
 
