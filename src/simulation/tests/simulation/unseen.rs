@@ -3,9 +3,7 @@
 use city3d_control::Mainframe;
 use city3d_geometry::lab::Pose2;
 use city3d_geometry::{Lab, OrientedRect};
-use city3d_protocol::snapshot::{
-    MeasuredPose, SimCommand, Status, Trajectory, TrajectoryPoint, VehicleId,
-};
+use city3d_protocol::snapshot::{MeasuredPose, SimCommand, Status, Trajectory, TrajectoryPoint, VehicleId};
 use city3d_protocol::wire::{Measurement, Message};
 use city3d_simulation::scenario::{Experiment, Library, Overrides, read_experiment};
 use city3d_simulation::sim::World;
