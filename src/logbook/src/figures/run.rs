@@ -8,7 +8,6 @@ use city3d_protocol::snapshot::{
 };
 use city3d_protocol::wire::Body;
 use city3d_roadmap::LaneIndex;
-use city3d_simulation::measures::is_tracked;
 use city3d_simulation::scenario::Experiment;
 use glam::DVec2;
 use std::collections::BTreeMap;
@@ -305,7 +304,7 @@ impl TraceBuilder {
         let axle = pose.point_at(trace.dimensions.front_axle_m(), 0.0);
         let wanted = self.wanted.get(&state.id).and_then(|trajectory| wanted_at(trajectory, time_s));
         // The zeros of a vehicle that is not measured are no measurements.
-        let is_seen = is_tracked(state, self.experiment.is_physical(state.id));
+        let is_seen = state.status != Status::Unseen;
         let known = |value: f64| if is_seen { value } else { f64::NAN };
         trace.samples.push(TraceSample {
             time_s,

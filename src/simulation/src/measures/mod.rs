@@ -30,7 +30,7 @@ use crate::scenario::Experiment;
 use city3d_control::coordination::ControlZone;
 use city3d_control::{CavSetup, Mainframe};
 use city3d_geometry::LengthScale;
-use city3d_protocol::snapshot::{FrameSnapshot, Indicator, Status, VehicleId, VehicleInfo, VehicleState};
+use city3d_protocol::snapshot::{FrameSnapshot, Status, VehicleId, VehicleInfo};
 use city3d_roadmap::LabMap;
 use encroachment::ZoneStates;
 use held::HeldOutside;
@@ -43,21 +43,6 @@ use tracked::Moves;
 const SAMPLE_S: f64 = 0.05;
 /// Rounding error of times.
 const ROUNDING_S: f64 = 1e-6;
-
-/// Whether the motion of a vehicle is known. Of a physical one that is not measured a snapshot has the last place, and zeros:
-/// its status is `unseen`, or after a collision `collided` while all its indicators flash.
-pub fn is_tracked(state: &VehicleState, is_physical: bool) -> bool {
-    /// An estimate of a speed is never that near to 0 but where there is none, m/s.
-    const NONE_MPS: f64 = 1e-9;
-    match state.status {
-        Status::Unseen => false,
-        Status::Collided => {
-            let flashes = state.indicator == Indicator::Hazard;
-            !(is_physical && flashes && state.speed_mps.abs() < NONE_MPS)
-        }
-        _ => true,
-    }
-}
 
 /// Measures the traffic of a run from its snapshots, in order of time.
 ///

@@ -102,18 +102,22 @@ impl ShownSignals {
 
 /// Without whether the clock runs: a world that is paused has no ticks. Without the signals: an aspect moves no
 /// vehicle, for the control framework decides who goes, and the trajectories that come of it are covered.
-impl Digest for WorldState {
-    fn digest(&self, hash: &mut StateHash) {
+impl WorldState {
+    /// Digest of the whole; `visit` has each vehicle in turn.
+    fn hash(&self, mut visit: impl FnMut(&SimVehicle)) -> u64 {
+        let mut hash = StateHash::default();
         hash.word(self.tick);
         for vehicle in &self.vehicles {
-            vehicle.digest(hash);
-            self.physics.body(vehicle.body()).digest(hash);
+            visit(vehicle);
+            vehicle.digest(&mut hash);
+            self.physics.body(vehicle.body()).digest(&mut hash);
             // Commands that come before the first step belong to it.
             if self.tick > 0 {
-                vehicle.digest_commands(hash);
+                vehicle.digest_commands(&mut hash);
             }
         }
-        self.collisions.digest(hash);
+        self.collisions.digest(&mut hash);
+        hash.finish()
     }
 }
 
@@ -179,12 +183,14 @@ impl World {
     pub fn tick_as_given(&mut self, commands: &[SimCommand], out: &mut FrameSnapshot) {
         let experiment = Arc::clone(&self.experiment);
         experiment.workers.at_hand(self.state.vehicles.len(), || {
-            self.apply_all(commands);
+            let trajectories = self.apply_all(commands);
             out.events.clear();
             if self.state.is_running {
                 // Events before the start belong to the first tick, also after a reset.
                 out.events.append(&mut self.state.pending);
-                self.step(&mut out.events);
+                self.step(&trajectories, &mut out.events);
+            } else {
+                self.follow_all(&trajectories);
             }
         });
         self.describe(out);
@@ -197,33 +203,34 @@ impl World {
         out
     }
 
-    /// Applies commands in their order; trajectories that most vehicles get together are shared out.
-    fn apply_all(&mut self, commands: &[SimCommand]) {
+    /// Applies commands in their order; trajectories that most vehicles get together are shared out. Returns those that come last,
+    /// in the order of ids, which are left to the step: with it a vehicle is read from memory once for both.
+    fn apply_all<'c>(&mut self, commands: &'c [SimCommand]) -> Vec<&'c Trajectory> {
         let mut rest = commands;
         while !rest.is_empty() {
             let count = rest.iter().map_while(followed_trajectory).count();
             let (next, others) = rest.split_at(count.max(1));
             let is_in_order = || next.is_sorted_by_key(SimCommand::vehicle);
             if count > self.state.vehicles.len() / 2 && is_in_order() {
-                self.follow_all(next);
+                let trajectories = next.iter().filter_map(followed_trajectory).collect();
+                if others.is_empty() {
+                    return trajectories;
+                }
+                self.follow_all(&trajectories);
             } else {
                 next.iter().for_each(|command| self.apply(command));
             }
             rest = others;
         }
+        Vec::new()
     }
 
     /// Gives vehicles their trajectories, which are in the order of ids.
-    fn follow_all(&mut self, commands: &[SimCommand]) {
+    fn follow_all(&mut self, trajectories: &[&Trajectory]) {
         let (time_s, timeout_s) = (self.time_s(), self.experiment.link_timeout_s);
-        let trajectories: Vec<&Trajectory> = commands.iter().filter_map(followed_trajectory).collect();
-        self.experiment.workers.each(&mut self.state.vehicles, |_, vehicle| {
-            let id = vehicle.state.id;
-            let first = trajectories.partition_point(|trajectory| trajectory.vehicle < id);
-            for trajectory in trajectories[first..].iter().take_while(|trajectory| trajectory.vehicle == id) {
-                vehicle.follow(trajectory, time_s, timeout_s);
-            }
-        });
+        self.experiment
+            .workers
+            .each(&mut self.state.vehicles, |_, vehicle| follow_own(vehicle, trajectories, time_s, timeout_s));
     }
 
     fn apply(&mut self, command: &SimCommand) {
@@ -287,7 +294,8 @@ impl World {
         self.roster = self.state.roster(&self.experiment);
     }
 
-    fn step(&mut self, events: &mut Vec<Event>) {
+    /// Advances by one physics step; vehicles begin it with their trajectories, which are in the order of ids.
+    fn step(&mut self, trajectories: &[&Trajectory], events: &mut Vec<Event>) {
         let (dt_s, link_timeout_s) = (self.experiment.rates.dt_s(), self.experiment.link_timeout_s);
         let workers = &self.experiment.workers;
         let before_s = self.time_s();
@@ -295,6 +303,7 @@ impl World {
         let (physics, vehicles, contacts) = (&mut state.physics, &mut state.vehicles, &state.collisions);
         parts.resize_with(vehicles.len(), VehicleStep::default);
         workers.each_of_two((vehicles, parts), |_, vehicle, part| {
+            follow_own(vehicle, trajectories, before_s, link_timeout_s);
             part.impetus = vehicle.actuate(physics, before_s, dt_s, link_timeout_s, &mut part.events);
         });
         for (vehicle, part) in vehicles.iter().zip(&mut *parts) {
@@ -325,15 +334,22 @@ impl World {
     fn describe(&self, out: &mut FrameSnapshot) {
         out.tick = self.state.tick;
         out.time_s = self.time_s();
-        out.vehicles.clear();
-        out.vehicles.extend(self.state.vehicles.iter().map(|vehicle| vehicle.state.clone()));
         out.signals.clone_from(&self.state.signals.aspects);
         if !Arc::ptr_eq(&out.roster, &self.roster) {
             out.roster = Arc::clone(&self.roster);
         }
-        let mut hash = StateHash::default();
-        self.state.digest(&mut hash);
-        out.state_hash = hash.finish();
+        out.vehicles.clear();
+        // Copied where it is read for the digest.
+        out.state_hash = self.state.hash(|vehicle| out.vehicles.push(vehicle.state.clone()));
+    }
+}
+
+/// Gives a vehicle its own of many trajectories, which are in the order of ids.
+fn follow_own(vehicle: &mut SimVehicle, trajectories: &[&Trajectory], time_s: f64, timeout_s: f64) {
+    let id = vehicle.state.id;
+    let first = trajectories.partition_point(|trajectory| trajectory.vehicle < id);
+    for trajectory in trajectories[first..].iter().take_while(|trajectory| trajectory.vehicle == id) {
+        vehicle.follow(trajectory, time_s, timeout_s);
     }
 }
 

@@ -136,7 +136,7 @@ impl SimVehicle {
         self.last_trajectory_s = Some(time_s);
         self.is_finished = trajectory.finished;
         self.is_yielding = trajectory.yielding;
-        if self.is_seen() != Some(false) {
+        if self.state.status != Status::Unseen {
             self.state.indicator = trajectory.indicator;
         }
         self.tracker.follow(trajectory);
@@ -188,8 +188,12 @@ impl SimVehicle {
         }
     }
 
-    /// Notes a collision: without a person the vehicle brakes to a standstill and stays.
+    /// Notes a collision: without a person the vehicle brakes to a standstill and stays. A physical one feels nothing of it, and
+    /// its status goes on telling what it does: the event tells of the collision.
     pub fn collide(&mut self) {
+        if self.is_physical() {
+            return;
+        }
         self.has_collided = true;
         self.collided_at_m = self.state.distance_m;
         self.update_status();
@@ -267,17 +271,13 @@ impl SimVehicle {
             _ => self.state.distance_m + self.motion.speed_mps.abs() * dt_s,
         };
         let is_clear = self.state.distance_m - self.collided_at_m > CLEAR_AFTER_M;
-        let may_go_on = matches!(self.driver, DriveMode::Human(_)) || self.is_physical();
+        let may_go_on = matches!(self.driver, DriveMode::Human(_));
         if self.has_collided && is_clear && may_go_on && !contacts.hold(self.state.id) {
             self.has_collided = false;
         }
         self.describe();
         self.note_standing(time_s, events);
         self.note_status(before, time_s, events);
-        // Its status tells of the collision; that it is not measured has to be seen as well.
-        if self.has_collided && self.is_seen() == Some(false) {
-            self.state.indicator = Indicator::Hazard;
-        }
     }
 
     fn describe(&mut self) {

@@ -199,8 +199,7 @@ fn dashboard(ui: &Ui, rect: Rect, state: &UiState, shown: &ViewModel<'_>) -> Opt
     let speed_mps =
         if vehicle.speed_mps > -ROLLS_BACK_MPS { vehicle.speed_mps.abs() } else { vehicle.speed_mps };
     let speed = units.dashboard(speed_mps, scale, state.preferences.decimal);
-    // A lab vehicle has no driver here.
-    let speed = status::speed_words((vehicle.status, true), speed);
+    let speed = status::speed_words(vehicle.status, speed);
     let trouble = trouble(state, shown, vehicle.status, pedals.reverse);
     let place = vehicle.position.truncate();
     let left = || map::way_back(shown.map, place);

@@ -1,6 +1,6 @@
 //! Colours of vehicles, with their labels, map marks and boxes: by status, speed or waiting time.
 
-use super::{Preferences, ViewModel, status, theme};
+use super::{Preferences, ViewModel, theme};
 use city3d_geometry::{KMH_PER_MPS, LengthScale};
 use city3d_protocol::snapshot::{Status, VehicleId, VehicleState};
 use egui::{Color32, Context};
@@ -44,7 +44,7 @@ impl ColourBy {
     pub fn colour(self, context: &Context, vehicle: &VehicleState, shown: &ViewModel<'_>) -> Color32 {
         match self {
             Self::Status => theme::on_picture(context, vehicle.status),
-            Self::Speed | Self::Waiting if !status::is_tracked(vehicle, shown.interpolated) => NOT_KNOWN,
+            Self::Speed | Self::Waiting if vehicle.status == Status::Unseen => NOT_KNOWN,
             Self::Speed => scale(vehicle.speed_mps.abs() * KMH_PER_MPS / FASTEST_KMH),
             // Who has arrived waits for nothing.
             Self::Waiting if vehicle.status == Status::Finished => scale(0.0),

@@ -153,7 +153,8 @@ fn why(
     // Control goes on deciding for a vehicle that no longer obeys it.
     match vehicle.status {
         Status::Collided => {
-            let tip = if is_physical(shown, vehicle.id) {
+            let is_physical = shown.run_state.now.info(vehicle.id).is_some_and(VehicleInfo::is_physical);
+            let tip = if is_physical {
                 status::RAMMED_PHYSICAL
             } else {
                 "It has hit something, and stays where it is"
@@ -173,10 +174,6 @@ fn why(
         Some(other) => row_with_vehicle(ui, ("Why", &text, tip), other, link),
         None => row(ui, "Why", &text, tip),
     }
-}
-
-fn is_physical(shown: &ViewModel<'_>, id: VehicleId) -> bool {
-    shown.run_state.now.info(id).is_some_and(VehicleInfo::is_physical)
 }
 
 /// The last collision of a vehicle so far, in words, and the other vehicle.
@@ -254,7 +251,7 @@ fn motion(
     let speed = |speed_mps: f64| format!("{} {}", units.number(speed_mps, scale, decimal), units.label());
     // Control goes on deciding for a vehicle that does not obey it.
     let decision = decision.filter(|_| obeys_control(vehicle.status));
-    if !status::is_tracked(vehicle, &shown.run_state.now) {
+    if !status::is_tracked(vehicle.status) {
         let unknown = format!("{}, not tracked", status::NOT_MEASURED);
         row(ui, "Speed", &unknown, status::NOT_MEASURED_TIP);
         return row(ui, "Acceleration", &unknown, status::NOT_MEASURED_TIP);
@@ -264,7 +261,7 @@ fn motion(
         None if obeys_control(vehicle.status) => format!(", target {}", not_told(shown)),
         None => String::new(),
     };
-    let speeds = status::speed_words((vehicle.status, true), speed(vehicle.speed_mps));
+    let speeds = status::speed_words(vehicle.status, speed(vehicle.speed_mps));
     let speeds = format!("{speeds}{target}");
     row(ui, "Speed", &speeds, "Along its heading, and what road and driver allow here");
     // Decisions are sampled for logs, links and the past: that of a moment ago is not the one of now.
@@ -323,9 +320,7 @@ fn trajectory(
     let is_off_route = is_off_route(decision);
     let lateral = match vehicle.tracked_lateral_error_m().filter(|_| !is_driven) {
         _ if !shown.has_control_data => not_told(shown).to_owned(),
-        _ if !status::is_tracked(vehicle, &shown.run_state.now) => {
-            format!("{}, not tracked", status::NOT_MEASURED)
-        }
+        _ if !status::is_tracked(vehicle.status) => format!("{}, not tracked", status::NOT_MEASURED),
         None => NO_PATH.to_owned(),
         Some(_) if is_off_route => OFF_ROUTE.to_owned(),
         Some(error_m) => centimetres(error_m),
@@ -378,8 +373,7 @@ fn rest(
     let driver = match vehicle.status {
         Status::Manual => format!("a person; {algorithm} when released"),
         Status::Collided if is_driven => format!("a person; {algorithm} does not drive it after a collision"),
-        // A lab vehicle hears of no collision, and goes on.
-        Status::Collided if !is_physical(shown, id) => format!("{algorithm}, which no longer drives it"),
+        Status::Collided => format!("{algorithm}, which no longer drives it"),
         _ => algorithm.to_owned(),
     };
     row(ui, "Driver", &driver, "Its control algorithm");

@@ -239,7 +239,6 @@ fn show(
         });
     });
     picture(ui, (preview, layout.aspect), shown, state);
-    let is_tracked = status::is_tracked(vehicle, now);
     ui.horizontal_wrapped(|ui| {
         ui.spacing_mut().item_spacing.x = 4.0;
         let width = (ui.available_width() - SPEED_WIDTH - DRIVE).clamp(PICKER, WIDEST_PICKER);
@@ -247,9 +246,9 @@ fn show(
         if shown.replay.is_none() {
             drive_button(ui, (preview.vehicle, shown), state, actions);
         }
-        speed(ui, (vehicle, is_tracked), (state.preferences.units, shown.scale()));
+        speed(ui, vehicle, (state.preferences.units, shown.scale()));
     });
-    pedals(ui, vehicle, shown.has_control_data && is_tracked);
+    pedals(ui, vehicle, shown.has_control_data && status::is_tracked(vehicle.status));
     if let Some((words, tip)) = plans::words(shown, preview.vehicle, state.preferences.decimal) {
         ui.add(egui::Label::new(RichText::new(words).small()).truncate()).on_hover_text(tip);
     }
@@ -360,15 +359,14 @@ const DRIVE: f32 = 66.0;
 /// Width of the widest speed with its gear, points.
 const SPEED_WIDTH: f32 = 96.0;
 
-fn speed(
-    ui: &mut Ui,
-    (vehicle, is_tracked): (&VehicleState, bool),
-    (units, scale): (SpeedUnit, LengthScale),
-) {
-    let gear = if vehicle.reverse && is_tracked { "  R" } else { "" };
+fn speed(ui: &mut Ui, vehicle: &VehicleState, (units, scale): (SpeedUnit, LengthScale)) {
+    let gear = if vehicle.reverse { "  R" } else { "" };
     let number = units.number(vehicle.speed_mps, scale, theme::decimal(ui.ctx()));
-    let number = status::speed_words((vehicle.status, is_tracked), number);
-    let text = format!("{number} {}{gear}", units.label());
+    let number = status::speed_words(vehicle.status, number);
+    let text = match status::is_tracked(vehicle.status) {
+        true => format!("{number} {}{gear}", units.label()),
+        false => format!("{number} {}", units.label()),
+    };
     let label = egui::Label::new(RichText::new(text).monospace().strong()).extend();
     // Of one width, so that the row never breaks and nothing below moves.
     let size = Vec2::new(SPEED_WIDTH, ui.spacing().interact_size.y);
@@ -376,7 +374,7 @@ fn speed(
         ui.set_min_width(SPEED_WIDTH);
         ui.add(label)
     });
-    row.inner.on_hover_text(match is_tracked {
+    row.inner.on_hover_text(match status::is_tracked(vehicle.status) {
         true => "Speed along its heading",
         false => status::NOT_MEASURED_TIP,
     });
@@ -472,7 +470,7 @@ fn plots(
     let series = |of: &dyn Fn(&VehicleState) -> Option<f64>| -> Vec<[f64; 2]> {
         let earlier = past.iter().filter(|state| state.time_s() < now_s);
         // Where it was not measured there is a gap.
-        let known = |state: &VehicleState| match status::is_tracked(state, &shown.run_state.now) {
+        let known = |state: &VehicleState| match status::is_tracked(state.status) {
             true => of(state),
             false => Some(f64::NAN),
         };

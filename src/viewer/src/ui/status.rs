@@ -3,9 +3,8 @@
 use super::commands::{KeyMap, TAKE_CONTROL};
 use super::theme;
 use city3d_geometry::wrap_angle;
-use city3d_protocol::snapshot::{DecisionReason, FrameSnapshot, Status, VehicleInfo, VehicleState};
+use city3d_protocol::snapshot::{DecisionReason, Status, VehicleInfo, VehicleState};
 use city3d_roadmap::CityMap;
-use city3d_simulation::measures;
 use egui::{Color32, Painter, Pos2, Rect, Shape, Stroke, Vec2, pos2};
 
 /// A status in the words of the window.
@@ -145,7 +144,7 @@ pub fn reason(keys: &KeyMap, vehicle: &VehicleState, info: &VehicleInfo, map: &C
 }
 
 /// What a collision means to a vehicle of the laboratory.
-pub(super) const RAMMED_PHYSICAL: &str = "A lab vehicle: it is measured, feels nothing of a collision with virtual vehicles, and drives on. The status lasts until the two are clear of one another, and hides whether it drives, gives way or stands meanwhile";
+pub(super) const RAMMED_PHYSICAL: &str = "A lab vehicle: it is measured, feels nothing of a collision with virtual vehicles, and drives on. In runs of older versions it has this status until the two are clear of one another";
 
 /// In place of a quantity that nobody has measured.
 pub(super) const NOT_MEASURED: &str = "-";
@@ -153,15 +152,15 @@ pub(super) const NOT_MEASURED: &str = "-";
 pub(super) const NOT_MEASURED_TIP: &str =
     "Not tracked: nobody measures this lab vehicle now, so its motion is not known";
 
-/// Whether the motion of a vehicle of a snapshot is known. Of one that is not measured there are the last place, and zeros.
-pub(super) fn is_tracked(vehicle: &VehicleState, seen: &FrameSnapshot) -> bool {
-    measures::is_tracked(vehicle, seen.info(vehicle.id).is_some_and(VehicleInfo::is_physical))
+/// Whether the motion of a vehicle is known. Of one that is not measured a snapshot has the last place, and zeros.
+pub(super) fn is_tracked(status: Status) -> bool {
+    status != Status::Unseen
 }
 
 /// A speed as it is written beside a status: in parentheses where the vehicle waits and will start with it, a dash where it is
 /// not measured.
-pub(super) fn speed_words((status, is_tracked): (Status, bool), number: String) -> String {
-    if !is_tracked {
+pub(super) fn speed_words(status: Status, number: String) -> String {
+    if !is_tracked(status) {
         return NOT_MEASURED.to_owned();
     }
     let is_zero = !number.contains(|digit| matches!(digit, '1'..='9'));
@@ -180,7 +179,7 @@ pub fn meaning(status: Status) -> &'static str {
         Status::Manual => "A person drives",
         Status::LinkLost => "No command for longer than the link timeout: it brakes to a stop on its path",
         Status::Collided => {
-            "Has hit something and stays. Reset the run, or take control of it and drive it off. A lab vehicle drives on: it feels nothing of virtual ones"
+            "Has hit something and stays. Reset the run, or take control of it and drive it off. A lab vehicle feels nothing of virtual ones, and its status goes on telling what it does"
         }
         Status::Finished => "At the end of its route",
         Status::Physical => "A vehicle of the laboratory, drawn as it is measured",

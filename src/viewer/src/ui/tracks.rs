@@ -1,7 +1,6 @@
 //! What vehicles have done of late: their driven paths, and how long they have been standing.
 
-use super::status;
-use city3d_protocol::snapshot::{FrameSnapshot, VehicleId};
+use city3d_protocol::snapshot::{FrameSnapshot, Status, VehicleId};
 use glam::DVec2;
 use std::collections::{BTreeMap, VecDeque};
 
@@ -43,7 +42,7 @@ impl Tracks {
         for state in &snapshot.vehicles {
             let track = self.of.entry(state.id).or_default();
             // Who is not measured may be anywhere: whether it stands is not known.
-            if !status::is_tracked(state, snapshot) {
+            if state.status == Status::Unseen {
                 track.stands_since_s = None;
                 continue;
             }

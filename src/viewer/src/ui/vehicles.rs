@@ -7,7 +7,6 @@ use city3d_geometry::LengthScale;
 use city3d_protocol::snapshot::{FrameSnapshot, Status, VehicleId};
 use city3d_roadmap::CityMap;
 use city3d_session::RunPhase;
-use city3d_simulation::measures::is_tracked;
 use egui::{Align, Color32, Layout, RichText, Sense, Ui, Vec2};
 use egui_extras::{Column, TableBuilder};
 use serde::{Deserialize, Serialize};
@@ -102,7 +101,6 @@ struct VehicleRow<'a> {
     name: &'a str,
     driver: &'a str,
     status: Status,
-    is_tracked: bool,
     x_m: f64,
     y_m: f64,
     speed_mps: f64,
@@ -124,7 +122,7 @@ impl VehicleRow<'_> {
 
     /// Its speed; what is not known is below all others.
     fn known_mps(&self) -> f64 {
-        if self.is_tracked { self.speed_mps } else { f64::NEG_INFINITY }
+        if status::is_tracked(self.status) { self.speed_mps } else { f64::NEG_INFINITY }
     }
 
     fn contains(&self, word: &str) -> bool {
@@ -159,7 +157,6 @@ fn rows<'a>(
                 driver
             },
             status: vehicle.status,
-            is_tracked: is_tracked(vehicle, info.is_physical()),
             x_m: vehicle.position.x,
             y_m: vehicle.position.y,
             speed_mps: vehicle.speed_mps,
@@ -457,7 +454,7 @@ fn cell(
         SortKey::Y => number(ui, decimal.tenths(row.y_m)),
         SortKey::Speed => {
             let speed = units.number(row.speed_mps, scale, decimal);
-            number(ui, status::speed_words((row.status, row.is_tracked), speed));
+            number(ui, status::speed_words(row.status, speed));
         }
     });
 }
@@ -506,7 +503,6 @@ mod tests {
             name: "",
             driver: "",
             status,
-            is_tracked: true,
             x_m: 0.0,
             y_m: 0.0,
             speed_mps,
