@@ -291,6 +291,15 @@ impl TrafficMeasures {
         self.vehicles.iter().fold(Effort::default(), |sum, tracked| sum + tracked.motion.effort)
     }
 
+    /// Mean speed in the last snapshot of the vehicles on their way, full-scale m/s; `None` while there are none.
+    pub fn mean_speed_now_mps(&self) -> Option<f64> {
+        let is_under_way = |tracked: &&Tracked| tracked.trip.ended_s.is_none();
+        let speeds =
+            self.vehicles.iter().filter(is_under_way).filter_map(|of| of.motion.speed_at(self.now_s));
+        let (sum, count) = speeds.fold((0.0, 0_u32), |(sum, count), speed| (sum + speed.abs(), count + 1));
+        (count > 0).then(|| sum / f64::from(count))
+    }
+
     /// The least favourable values of all vehicles.
     pub fn safety(&self) -> Safety {
         self.vehicles.iter().fold(Safety::default(), |worst, tracked| worst.with(&tracked.safety))

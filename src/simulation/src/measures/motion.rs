@@ -102,6 +102,11 @@ impl Motion {
         }
     }
 
+    /// Its speed in the snapshot of a time; `None` where it was not seen then, or not measured.
+    pub fn speed_at(&self, time_s: f64) -> Option<f64> {
+        self.last.filter(|last| last.time_s == time_s).map(|last| last.speed_mps)
+    }
+
     /// Whether it stands now.
     pub fn stands(&self) -> bool {
         self.stands

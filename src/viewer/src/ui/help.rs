@@ -183,12 +183,12 @@ fn statuses(ui: &mut Ui, words: &[String]) {
         ui.label(RichText::new("Statuses").strong());
     }
     for status in Status::ALL.into_iter().filter(|status| has_words(&status_words(*status), words)) {
-        ui.horizontal(|ui| {
-            let (place, _) = ui.allocate_exact_size(egui::vec2(12.0, 12.0), egui::Sense::hover());
+        ui.horizontal_top(|ui| {
+            let (place, _) = ui.allocate_exact_size(egui::vec2(12.0, 16.0), egui::Sense::hover());
             let colour = theme::on_panel(ui.ctx(), status);
             status::paint_sign_in(ui.painter(), (place.center(), 4.0), status, colour);
             ui.label(RichText::new(status::label(status)).color(colour).strong());
-            ui.label(status::meaning(status));
+            ui.add(egui::Label::new(status::meaning(status)).wrap());
         });
     }
 }

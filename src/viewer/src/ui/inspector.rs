@@ -10,7 +10,7 @@ use city3d_protocol::snapshot::{
 use city3d_session::ControlInsight;
 use city3d_session::playback::Occurrence;
 use city3d_simulation::measures::{LeaderAhead, TrafficPlace};
-use egui::{Color32, Grid, Label, RichText, Ui};
+use egui::{Color32, Grid, Label, RectAlign, Response, RichText, Tooltip, Ui};
 
 /// What is written where something is not told: in the past and in logs because nobody has recorded it, of other cities because
 /// they do not send it.
@@ -73,13 +73,14 @@ fn inspected(
         motion(ui, shown, (state.preferences.units, vehicle), decision);
         traffic(ui, shown, place, &mut link);
         // One that a person has driven into something is shown as collided.
-        let is_driven = vehicle.status == Status::Manual || state.driven() == Some(vehicle.id);
+        let is_own = state.driven() == Some(vehicle.id);
+        let is_driven = vehicle.status == Status::Manual || is_own;
         trajectory(ui, shown, (vehicle, is_driven), decision);
         let delay_s = insight.and_then(|insight| insight.command_delays_s.get(&vehicle.id));
         let delay = delay_s.map_or_else(|| not_told(shown).to_owned(), |s| format!("{:.0} ms", s * 1000.0));
         row(ui, "Command delay", &delay, "From the control step to the arrival of its last trajectory");
         sensors(ui, shown, vehicle.id);
-        rest(ui, shown, (vehicle, is_driven), place);
+        rest(ui, shown, (vehicle, is_driven, is_own), place);
     });
     if let Some(other) = link {
         (state.selection.vehicle, state.table.reveal) = (Some(other), true);
@@ -124,9 +125,17 @@ fn heading(ui: &mut Ui, shown: &ViewModel<'_>, (vehicle, info): (&VehicleState, 
 }
 
 fn row(ui: &mut Ui, name: &str, text: &str, tip: &str) {
-    ui.label(RichText::new(name).weak()).on_hover_text(tip);
-    ui.add(Label::new(text).wrap()).on_hover_text(tip);
+    let (name, value) = (ui.label(RichText::new(name).weak()), ui.add(Label::new(text).wrap()));
+    tip_beside(&name, &value, tip);
+    tip_beside(&value, &value, tip);
     ui.end_row();
+}
+
+/// Tells more beside the value of a row: below it a tip would cover the next row.
+fn tip_beside(hovered: &Response, value: &Response, tip: &str) {
+    let mut about = Tooltip::for_enabled(hovered);
+    about.popup = about.popup.anchor(value.rect).align(RectAlign::RIGHT_START);
+    about.show(|ui| ui.label(tip));
 }
 
 /// A row with a vehicle, which a click selects.
@@ -136,8 +145,10 @@ fn row_with_vehicle(
     vehicle: VehicleId,
     link: &mut Option<VehicleId>,
 ) {
-    ui.label(RichText::new(name).weak()).on_hover_text(tip);
-    if ui.link(text).on_hover_text(format!("{tip}. Click to select vehicle {vehicle}")).clicked() {
+    let (name, value) = (ui.label(RichText::new(name).weak()), ui.link(text));
+    tip_beside(&name, &value, tip);
+    tip_beside(&value, &value, &format!("{tip}. Click to select vehicle {vehicle}"));
+    if value.clicked() {
         *link = Some(vehicle);
     }
     ui.end_row();
@@ -221,7 +232,8 @@ pub fn reason_words(shown: &ViewModel<'_>, decision: &ControlDecision) -> String
         DecisionReason::Junction => with("yields at the junction to", "slows for the junction"),
         DecisionReason::NoRoom => with("no room behind the junction, after", "no room behind the junction"),
         DecisionReason::Crossing => with("waits for the crossing of", "waits before a crossing"),
-        DecisionReason::Merging => with("yields at the merge to", "yields at a merge"),
+        // Who is in the ring already merges behind others, too, without giving way.
+        DecisionReason::Merging => with("merges behind", "merges behind another vehicle"),
         DecisionReason::Plan => "follows its coordinated plan".to_owned(),
         DecisionReason::SafetyFilter => "the safety filter brakes its plan".to_owned(),
         DecisionReason::NotMeasured => "not measured for too long, stops".to_owned(),
@@ -365,14 +377,15 @@ fn sensors(ui: &mut Ui, shown: &ViewModel<'_>, id: VehicleId) {
 fn rest(
     ui: &mut Ui,
     shown: &ViewModel<'_>,
-    (vehicle, is_driven): (&VehicleState, bool),
+    (vehicle, is_driven, is_own): (&VehicleState, bool, bool),
     place: Option<&TrafficPlace>,
 ) {
     let id = vehicle.id;
     let algorithm = shown.drivers.get(&id).map_or("not known", String::as_str);
+    let person = if is_own { "you" } else { "a person" };
     let driver = match vehicle.status {
-        Status::Manual => format!("a person; {algorithm} when released"),
-        Status::Collided if is_driven => format!("a person; {algorithm} does not drive it after a collision"),
+        Status::Manual => format!("{person}; {algorithm} when released"),
+        Status::Collided if is_driven => format!("{person}; {algorithm} does not drive it after a collision"),
         Status::Collided => format!("{algorithm}, which no longer drives it"),
         _ => algorithm.to_owned(),
     };

@@ -348,7 +348,20 @@ fn picture(ui: &mut Ui, (preview, aspect): (&Preview, f32), shown: &ViewModel<'_
         state.pictures.push(PictureRequest { slot, view, kind: preview.kind });
     }
     super::paint_picture(ui, rect, shown, slot);
+    if preview.kind != PictureKind::Rgb {
+        // The button of the list has room for the kind alone.
+        caption(&ui.painter_at(rect), rect, &preview.eye.label(shown.cameras_of(preview.vehicle)));
+    }
     picture_legend::paint(&ui.painter_at(below), below, preview.kind, &seen);
+}
+
+/// The name of a camera in the corner of its picture.
+fn caption(painter: &egui::Painter, rect: egui::Rect, name: &str) {
+    let font = egui::FontId::proportional(11.0);
+    let text = painter.layout_no_wrap(name.to_owned(), font, Color32::WHITE);
+    let ground = egui::Rect::from_min_size(rect.min, text.size() + Vec2::new(8.0, 4.0));
+    painter.rect_filled(ground, 0.0, Color32::from_black_alpha(170));
+    painter.galley(ground.min + Vec2::new(4.0, 2.0), text, Color32::WHITE);
 }
 
 /// Least and largest width of the list of cameras and kinds; its texts do not widen it, so that nothing below moves, points.

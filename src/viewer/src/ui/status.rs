@@ -136,7 +136,7 @@ pub fn reason(keys: &KeyMap, vehicle: &VehicleState, info: &VehicleInfo, map: &C
         status @ (Status::Driving | Status::Yielding | Status::Stopped | Status::Finished)
             if info.is_physical() =>
         {
-            return format!("{}. {}", meaning(status), meaning(Status::Physical));
+            return format!("{}. {LAB_VEHICLE}", meaning(status));
         }
         status => meaning(status),
     };
@@ -144,7 +144,11 @@ pub fn reason(keys: &KeyMap, vehicle: &VehicleState, info: &VehicleInfo, map: &C
 }
 
 /// What a collision means to a vehicle of the laboratory.
-pub(super) const RAMMED_PHYSICAL: &str = "A lab vehicle: it is measured, feels nothing of a collision with virtual vehicles, and drives on. In runs of older versions it has this status until the two are clear of one another";
+pub(super) const RAMMED_PHYSICAL: &str = "A lab vehicle: it is measured, feels nothing of a collision with virtual vehicles, and drives on. Runs of older versions give it this status until the two are clear of one another";
+
+/// What a lab vehicle is.
+pub(super) const LAB_VEHICLE: &str =
+    "Lab vehicle: a robot car in the laboratory, drawn where motion capture measures it";
 
 /// In place of a quantity that nobody has measured.
 pub(super) const NOT_MEASURED: &str = "-";
@@ -179,12 +183,12 @@ pub fn meaning(status: Status) -> &'static str {
         Status::Manual => "A person drives",
         Status::LinkLost => "No command for longer than the link timeout: it brakes to a stop on its path",
         Status::Collided => {
-            "Has hit something and stays. Reset the run, or take control of it and drive it off. A lab vehicle feels nothing of virtual ones, and its status goes on telling what it does"
+            "Has hit something and stays. Reset the run, or take control of it and drive it off. A lab vehicle that is hit drives on"
         }
         Status::Finished => "At the end of its route",
-        Status::Physical => "A vehicle of the laboratory, drawn as it is measured",
+        Status::Physical => "A robot car in the laboratory, drawn where motion capture measures it",
         Status::Unseen => {
-            "A vehicle of the laboratory that is not measured: it is drawn where it was last, and its speed is not known"
+            "A lab vehicle that is not measured now: it is drawn where it was last, and its speed is not known"
         }
     }
 }

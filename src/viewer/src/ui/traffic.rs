@@ -3,7 +3,7 @@
 
 use super::control_zones::zone_colour;
 use super::live_traffic::LiveTraffic;
-use super::{DecimalSeparator, UiState, ViewModel, plans, space_time, theme};
+use super::{DecimalSeparator, SpeedUnit, UiState, ViewModel, plans, space_time, theme};
 use city3d_simulation::measures::{PassageTotals, Queue, Tracked};
 use egui::{Color32, Grid, RichText, Ui};
 
@@ -22,7 +22,7 @@ pub(super) fn show(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>) {
         if !is_known {
             return;
         }
-        safety_and_energy(ui, shown.traffic);
+        safety_and_energy(ui, shown.traffic, state.preferences.units);
         ui.separator();
         space_time::show(ui, state, shown);
     });
@@ -183,8 +183,8 @@ const NO_FLOW: &str = "none yet";
 /// Longer times to collision are not told, seconds.
 const MOST_TTC_S: f64 = 100.0;
 
-/// Surrogate safety and energy of the whole city.
-fn safety_and_energy(ui: &mut Ui, traffic: &LiveTraffic) {
+/// Speed, surrogate safety and energy of the whole city.
+fn safety_and_energy(ui: &mut Ui, traffic: &LiveTraffic, units: SpeedUnit) {
     let measures = traffic.measures();
     let (safety, effort) = (measures.safety(), measures.effort());
     let scale = measures.scale();
@@ -203,7 +203,14 @@ fn safety_and_energy(ui: &mut Ui, traffic: &LiveTraffic) {
         None => "-".to_owned(),
     };
     let drac = Some(scale.city_from_lab(safety.max_drac_mps2)).filter(|drac| drac.is_finite());
+    let mean_speed = measures.mean_speed_now_mps();
+    let mean_speed = mean_speed.map(|mps| units.number(mps, scale, decimal));
     let cells = [
+        (
+            "Mean speed now",
+            mean_speed.map_or_else(|| "-".to_owned(), |speed| format!("{speed} {}", units.label())),
+            "Of the vehicles on their way. That of the whole run is on the card at its end",
+        ),
         ("Least time to collision", ttc, "Gap over closing speed to the vehicle ahead"),
         (
             "Least gap",
@@ -218,9 +225,9 @@ fn safety_and_energy(ui: &mut Ui, traffic: &LiveTraffic) {
              where both were inside",
         ),
         (
-            "Braking needed",
-            text(drac, "m/s\u{b2}"),
-            "Deceleration that avoids a crash with the vehicle ahead",
+            "Most braking needed",
+            drac.map_or_else(|| "none so far".to_owned(), |drac| of(drac, "m/s\u{b2}")),
+            "DRAC: the least deceleration that avoids a crash with the vehicle ahead; none while nobody comes nearer to another",
         ),
         (
             "Fuel, none while braking",

@@ -92,6 +92,9 @@ impl HeldRowOrder {
     }
 }
 
+/// Driver of the vehicle that the user of this window drives.
+const YOU: &str = "you";
+
 /// One vehicle in the table.
 #[derive(Clone, Debug, PartialEq)]
 struct VehicleRow<'a> {
@@ -151,10 +154,10 @@ fn rows<'a>(
             is_physical: info.is_physical(),
             name: &info.name,
             // A collided vehicle under manual control keeps its status.
-            driver: if vehicle.status == Status::Manual || driven == Some(vehicle.id) {
-                "human"
-            } else {
-                driver
+            driver: match driven == Some(vehicle.id) {
+                true => YOU,
+                false if vehicle.status == Status::Manual => "human",
+                false => driver,
             },
             status: vehicle.status,
             x_m: vehicle.position.x,
@@ -270,6 +273,7 @@ pub fn show(ui: &mut Ui, shown: &ViewModel<'_>, state: &mut UiState) {
             place
         })
         .inner;
+    kinds(ui, snapshot);
     let mut listed = rows(snapshot, drivers, table);
     let all = snapshot.vehicles.len();
     let count = if listed.len() == all { all.to_string() } else { format!("{} of {all}", listed.len()) };
@@ -298,6 +302,23 @@ pub fn show(ui: &mut Ui, shown: &ViewModel<'_>, state: &mut UiState) {
     if let Some(id) = asked {
         state.menu = Some(VehicleMenu::of(MenuSubject::Vehicle(id)));
     }
+}
+
+/// What the marks mean where both kinds of vehicles drive.
+fn kinds(ui: &mut Ui, snapshot: &FrameSnapshot) {
+    let is_mixed = |kind| snapshot.roster.iter().any(|info| info.is_physical() == kind);
+    if !(is_mixed(true) && is_mixed(false)) {
+        return;
+    }
+    ui.horizontal(|ui| {
+        ui.spacing_mut().item_spacing.x = SPACING;
+        for (is_physical, words) in [(true, "lab vehicle"), (false, "virtual")] {
+            chip(ui, ui.visuals().weak_text_color(), is_physical);
+            let tip = if is_physical { status::LAB_VEHICLE } else { "A vehicle of the simulation alone" };
+            ui.label(RichText::new(words).small().weak()).on_hover_text(tip);
+            ui.add_space(SPACING);
+        }
+    });
 }
 
 /// Shows the rows; returns the vehicle whose menu is asked for.
@@ -477,6 +498,7 @@ fn driver_words(name: &str) -> String {
         "cruise" => "cruise (constant speed)".to_owned(),
         "parked" => "parked (an obstacle)".to_owned(),
         "human" => "a person".to_owned(),
+        YOU => "you, by hand".to_owned(),
         other => other.to_owned(),
     }
 }

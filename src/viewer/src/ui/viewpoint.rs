@@ -93,6 +93,7 @@ pub struct Viewpoint {
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Goal {
     distance_m: f64,
+    elevation_rad: f64,
     /// From the target that it has reached to the one that it eases to.
     to_go: DVec3,
 }
@@ -173,13 +174,24 @@ impl Viewpoint {
         self.first = FirstView::Chosen;
     }
 
-    /// Eases to a place near a vehicle without following it.
-    pub fn frame(&mut self, vehicle: &VehicleState) {
+    /// Eases to a place near a vehicle without following it, and as high as no house hides it.
+    pub fn frame(&mut self, vehicle: &VehicleState, walls: &[Wall]) {
         (self.follow, self.whole) = (None, None);
         if self.mode != CameraMode::Overhead {
             self.mode = CameraMode::Orbit;
         }
         self.ease_to(vehicle.position);
+        let Some(goal) = self.goal.as_mut().filter(|_| self.mode == CameraMode::Orbit) else { return };
+        let point = vehicle.position + DVec3::Z;
+        let hides = |raise_rad: f64| {
+            let up_rad = (self.elevation_rad + raise_rad).min(STEEPEST_RAD);
+            let (sin, cos) = self.azimuth_rad.sin_cos();
+            let (up, out) = up_rad.sin_cos();
+            let eye = point + DVec3::new(cos * out, sin * out, up) * goal.distance_m;
+            occlusion::is_occluded_up_to(eye, point, (walls, ROOF_M))
+        };
+        let raise_rad = Raise::default().needed_rad(hides);
+        goal.elevation_rad = (self.elevation_rad + raise_rad).min(STEEPEST_RAD);
     }
 
     /// Follows a vehicle, and eases to it where the camera was elsewhere; `None` stops following.
@@ -193,7 +205,8 @@ impl Viewpoint {
 
     fn ease_to(&mut self, position: DVec3) {
         let distance_m = self.distance_m.min(VEHICLE_M);
-        self.goal = Some(Goal { distance_m, to_go: position - self.target });
+        self.goal =
+            Some(Goal { distance_m, elevation_rad: self.elevation_rad, to_go: position - self.target });
     }
 
     /// Raises the camera over what hides the followed vehicle, and lowers it again once nothing does, in a frame of `dt_s`;
@@ -224,9 +237,13 @@ impl Viewpoint {
         goal.to_go -= gone;
         self.target += gone;
         self.distance_m = goal.distance_m + (self.distance_m - goal.distance_m) * left;
-        let off_m = (self.distance_m - goal.distance_m).abs() + goal.to_go.length();
+        self.elevation_rad = goal.elevation_rad + (self.elevation_rad - goal.elevation_rad) * left;
+        let off_m = (self.distance_m - goal.distance_m).abs()
+            + goal.to_go.length()
+            + (self.elevation_rad - goal.elevation_rad).abs() * goal.distance_m;
         if off_m < EASED * goal.distance_m {
             (self.distance_m, self.target) = (goal.distance_m, self.target + goal.to_go);
+            self.elevation_rad = goal.elevation_rad;
             self.goal = None;
         }
         self.goal.is_some()
@@ -453,6 +470,10 @@ impl Viewpoint {
                 self.azimuth_rad = (self.azimuth_rad - right * RAD_PER_POINT).rem_euclid(TAU);
                 let elevation = self.elevation_rad + down * RAD_PER_POINT;
                 self.elevation_rad = elevation.clamp(LOWEST_RAD, STEEPEST_RAD);
+                // Who turns the view meanwhile decides.
+                if let Some(goal) = &mut self.goal {
+                    goal.elevation_rad = self.elevation_rad;
+                }
             }
             CameraMode::Chase => self.gaze.turn_chase(right * RAD_PER_POINT, down * RAD_PER_POINT),
             CameraMode::Onboard => self.gaze.turn_onboard(right * RAD_PER_POINT, down * RAD_PER_POINT),

@@ -94,6 +94,17 @@ fn run_by_palette(desk: Desk, name: &str) -> Option<bool> {
 }
 
 #[test]
+fn a_replay_is_left_for_a_scenario_by_its_name() {
+    let [.., replay, _, _] = desks();
+    let mut harness = harness(replay);
+    open_palette(&mut harness);
+    type_text(&mut harness, "scenario city");
+    press(&mut harness, Key::Enter);
+    let opens = |action: &UiAction| *action == UiAction::Scenario("city".to_owned());
+    assert!(harness.state().actions.iter().any(opens), "{:?}", harness.state().actions);
+}
+
+#[test]
 fn every_action_runs_from_the_palette() {
     let without_effect = commands().filter(|command| {
         let mut outcomes = desks().map(|desk| run_by_palette(desk, command.name)).into_iter();

@@ -24,6 +24,30 @@ fn lab(status: Status) -> Desk {
     desk
 }
 
+#[test]
+fn the_table_says_what_its_round_marks_are_where_both_kinds_of_vehicles_drive() {
+    let mut harness = harness(lab(Status::Driving));
+    let legend = harness.get_all_by_label("lab vehicle").next().unwrap().rect().center();
+    assert!(has_text(&harness, "virtual"));
+    point_at(&mut harness, legend);
+    assert!(harness.query_all_by_label_contains("where motion capture measures it").count() > 0);
+    let harness = super::desk::harness(Desk::with(fleet(2)));
+    assert!(!has_text(&harness, "virtual"), "all are: there is nothing to tell apart");
+}
+
+#[test]
+fn the_driver_is_you_in_the_own_vehicle_and_a_person_in_one_of_others() {
+    let mut desk = Desk::with(fleet(2));
+    desk.change(|now| now.vehicles.iter_mut().for_each(|vehicle| vehicle.status = Status::Manual));
+    desk.state.driving = Some(city3d_viewer::ui::ManualDrive::take_over(VehicleId(1), 1, 0.0));
+    let mut harness = harness(desk);
+    for (name, driver) in [("car1", "driver: you, by hand"), ("car2", "driver: a person")] {
+        let at = harness.get_all_by_label(name).next().unwrap().rect().center();
+        point_at(&mut harness, at);
+        assert!(harness.query_all_by_label_contains(driver).count() > 0, "{name}: {driver}");
+    }
+}
+
 fn point_at(harness: &mut Harness<'static, Desk>, at: Pos2) {
     harness.hover_at(at);
     harness.run_steps(20);

@@ -299,6 +299,25 @@ fn panels_open_beside_one_another_and_not_over_the_followed_vehicle() {
 }
 
 #[test]
+fn a_panel_over_the_city_gives_way_to_one_that_opens_beneath_it() {
+    let mut harness = with(6);
+    press(&mut harness, Key::F6);
+    harness.run_steps(4);
+    let charts =
+        |harness: &Harness<'static, Desk>| harness.get_by_role_and_label(Role::Window, "Charts").rect();
+    // Over the table, below its rows: where it hides nothing.
+    let from = charts(&harness).center_top() + vec2(0.0, 12.0);
+    drag(&mut harness, from, egui::pos2(200.0, 350.0));
+    let before = charts(&harness);
+    press(&mut harness, Key::F4);
+    harness.run_steps(6);
+    let traffic = harness.get_by_label("Nothing has been measured yet: start the run.").rect();
+    assert!(before.intersects(traffic), "it would be hidden: {before:?} {traffic:?}");
+    let after = charts(&harness);
+    assert!(!after.intersects(traffic), "{after:?} over {traffic:?}");
+}
+
+#[test]
 fn entries_at_the_edge_of_a_list_do_not_look_disabled() {
     let harness = with(6);
     assert_eq!(harness.ctx.global_style().spacing.scroll.fade.strength, 0.0);

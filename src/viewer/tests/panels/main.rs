@@ -270,7 +270,7 @@ fn statuses_of_trouble_are_shown_and_explained() {
         assert!(count("Has hit something") > 0);
         press(&mut harness, egui::Key::Escape);
         harness.run_steps(10);
-        assert_eq!(harness.query_all_by_label_contains("A vehicle of the laboratory").count(), 0);
+        assert_eq!(harness.query_all_by_label_contains("A robot car in the laboratory").count(), 0);
     }
 }
 
@@ -541,7 +541,7 @@ fn the_help_sheet_stays_in_a_small_window_and_scrolls() {
     }
     // What does not fit can be scrolled to.
     let last = |harness: &Harness<'static, Desk>| {
-        let meanings = harness.query_all_by_label_contains("A vehicle of the laboratory");
+        let meanings = harness.query_all_by_label_contains("A robot car in the laboratory");
         meanings.map(|meaning| meaning.rect().bottom()).fold(f32::MIN, f32::max)
     };
     let before = last(&harness);

@@ -48,6 +48,10 @@ fn the_panel_has_the_numbers_of_the_run() {
     let fuel = format!("{:.1} ml", measures.effort().fuel_ml);
     assert!(measures.effort().fuel_ml > 1.0, "{fuel}");
     assert!(harness.query_by_label(&fuel).is_some(), "{fuel}");
+    let speeds: Vec<f64> =
+        harness.state().run_state.now.vehicles.iter().map(|of| of.speed_mps.abs()).collect();
+    let mean = format!("{:.1} km/h", 3.6 * speeds.iter().sum::<f64>() / speeds.len() as f64);
+    assert!(harness.query_by_label(&mean).is_some(), "{mean}");
     // The first car of Path 1 stands at its line.
     let stops = measures.trips().stops.to_string();
     assert!(stops != "0" && harness.query_all_by_label(&stops).count() > 0, "{stops}");
@@ -91,7 +95,7 @@ fn the_diagram_is_that_of_the_selected_vehicle() {
     assert!(harness.query_by_label(hint).is_none());
     harness.get_by_label("Space-time diagram: the way of 1 path1_a");
     // Its lines have names, and its bands are explained.
-    harness.set_size(egui::vec2(1280.0, 2000.0));
+    harness.set_size(egui::vec2(1280.0, 2100.0));
     harness.run_steps(4);
     harness.get_by_label("conflict zone: merge");
     for axis in ["Time before now [s]", "Position from its front [m, full scale]"] {

@@ -18,7 +18,7 @@ registry!(
     FRAME_SELECTED = Command::always("Frame the selected vehicle", &[key(Key::Z)], |c| {
         let selected = c.state.selection.vehicle;
         match selected.and_then(|id| c.shown.interpolated.vehicle(id)) {
-            Some(vehicle) => c.state.viewpoint.frame(vehicle),
+            Some(vehicle) => c.state.viewpoint.frame(vehicle, c.shown.walls),
             None => c.state.viewpoint.frame_all(c.shown.interpolated),
         }
     })

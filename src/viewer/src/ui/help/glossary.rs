@@ -1,7 +1,7 @@
 //! Words of the field that the window uses, each explained in a sentence.
 
 /// Words with what they mean, in alphabetical order.
-pub const WORDS: [(&str, &str); 26] = [
+pub const WORDS: [(&str, &str); 27] = [
     ("CAV, HDV", "Connected and automated vehicle; human-driven vehicle, which nothing coordinates"),
     ("collision", "Two bodies touch, or one touches what is solid; who has collided stays there"),
     (
@@ -20,6 +20,10 @@ pub const WORDS: [(&str, &str); 26] = [
     ("held", "An arriving vehicle waits outside the city until there is room on its entry lane"),
     ("IDM", "Intelligent driver model: acceleration from speed, gap and closing speed (car following)"),
     ("instance", "One vehicle: a picture of instances has a colour for each"),
+    (
+        "lab vehicle",
+        "A robot car in the laboratory, drawn where motion capture measures it; the others are virtual, and it feels nothing of them",
+    ),
     (
         "lateral error",
         "Distance of the middle of the front axle from the path that it should follow, positive to the left",

@@ -14,6 +14,7 @@ const KEPT_WEIGHT: f32 = 8.0;
 const SMALLER: [f32; 3] = [1.0, 0.85, 0.7];
 
 /// What a panel that opens should not hide.
+#[derive(Clone)]
 pub struct FloatingPlaces {
     /// The large view.
     pub city: Rect,

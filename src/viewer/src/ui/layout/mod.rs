@@ -24,6 +24,8 @@ pub struct Layout {
     fitted: BTreeMap<u64, f32>,
     /// Floating panels that were open in the last frame.
     lifted: BTreeSet<Panel>,
+    /// Docked panels that open in this frame, which those over the city must not hide.
+    opening: Vec<TileId>,
 }
 
 impl Default for Layout {
@@ -44,7 +46,7 @@ impl Default for Layout {
         let tree = Tree::new(egui::Id::unique("layout"), root, tiles);
         let points = [(cameras.0, RIGHT)].into();
         let floating = panels::with_home(Home::Floating).into_iter().collect();
-        Self { tree, floating, points, fitted: BTreeMap::new(), lifted: BTreeSet::new() }
+        Self::of(tree, floating, points)
     }
 }
 
@@ -78,6 +80,12 @@ pub(super) fn show(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>, acti
 }
 
 impl Layout {
+    /// A layout of which nothing has been shown yet.
+    fn of(tree: Tree<Panel>, floating: BTreeSet<Panel>, points: BTreeMap<u64, f32>) -> Self {
+        let (fitted, lifted) = (BTreeMap::new(), BTreeSet::new());
+        Self { tree, floating, points, fitted, lifted, opening: Vec::new() }
+    }
+
     /// Whether a panel is over the city, not beside it.
     pub fn is_floating(&self, panel: Panel) -> bool {
         self.floating.contains(&panel)
@@ -103,6 +111,7 @@ impl Layout {
 
     /// Brings the tiles into line with the panels that are open.
     fn update(&mut self, state: &UiState) {
+        self.opening.clear();
         for PanelEntry { panel, is_open, home, .. } in &panels::ALL {
             let is_docked = is_open(state) && !self.is_floating(*panel);
             let place = self.tree.tiles.find_pane(panel);
@@ -115,6 +124,7 @@ impl Layout {
             self.tree.set_visible(tile, is_docked);
             if is_docked && !was_docked {
                 self.tree.make_active(|id, _| id == tile);
+                self.opening.push(tile);
             }
         }
     }
@@ -196,6 +206,7 @@ impl Layout {
         let is_lifted = |entry: &&PanelEntry| (entry.is_open)(state) && self.is_floating(entry.panel);
         let open: Vec<&PanelEntry> = panels::ALL.iter().filter(is_lifted).collect();
         let rects = |panel: &Panel| ui.ctx().memory(|memory| memory.area_rect(window_of(*panel)));
+        let opening: Vec<Rect> = self.opening.iter().filter_map(|tile| self.tree.tiles.rect(*tile)).collect();
         let mut taken: Vec<Rect> = self.lifted.iter().filter_map(rects).collect();
         let was_open = std::mem::replace(&mut self.lifted, open.iter().map(|entry| entry.panel).collect());
         for PanelEntry { panel, title, size, close, show, .. } in open {
@@ -209,8 +220,14 @@ impl Layout {
                 .resizable(true)
                 .collapsible(false)
                 .constrain_to(places.room);
+            let before = rects(panel);
+            let hides = |before: Rect| opening.iter().any(|other| other.intersects(before));
             if !was_open.contains(panel) {
-                floating = floating.current_pos(places.free((rects(panel), size), &taken));
+                floating = floating.current_pos(places.free((before, size), &taken));
+            } else if let Some(before) = before.filter(|before| hides(*before)) {
+                let others: Vec<Rect> = taken.iter().copied().filter(|other| *other != before).collect();
+                let places = FloatingPlaces { kept: [&places.kept[..], &opening].concat(), ..places.clone() };
+                floating = floating.current_pos(places.free((Some(before), size), &others));
             }
             let response = floating.show(ui.ctx(), |ui| {
                 stays_floating = !dock_button(ui);

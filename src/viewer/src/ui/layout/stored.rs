@@ -84,7 +84,7 @@ impl From<&StoredLayout> for Layout {
         let mut floating = stored.floating.clone();
         floating.remove(&Panel::City);
         let tree = Tree::new(egui::Id::unique("layout"), root, tiles);
-        Self { tree, floating, points, fitted: BTreeMap::new(), lifted: BTreeSet::new() }
+        Self::of(tree, floating, points)
     }
 }
 

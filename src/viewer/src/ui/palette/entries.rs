@@ -129,8 +129,8 @@ fn choices(state: &UiState, shown: &ViewModel<'_>) -> Vec<Entry> {
             Entry::choice(format!("Open or close the camera of {name}"), Deed::Preview(vehicle.id)),
         ]
     });
-    // Neither a log nor a city elsewhere becomes another one.
-    let has_others = shown.replay.is_none() && shown.run_state.link.is_none();
+    // A city elsewhere does not become another one.
+    let has_others = shown.run_state.link.is_none();
     let scenarios = shown.scenarios.iter().filter(|choice| has_others && choice.name != shown.scenario);
     let scenarios = scenarios.map(|choice| {
         Entry::choice(format!("Open the scenario {}", choice.name), Deed::Scenario(choice.name.clone()))

@@ -21,6 +21,8 @@ const SEED_IS_UNUSED: &str =
     "Nothing is random in this scenario: the seed matters in the testbed environment alone.";
 /// For so many frames it is put to its place: at first it is wider than it will be, and egui would move it.
 const PLACING_FRAMES: u8 = 6;
+/// Id of its window.
+const WINDOW: &str = "card of a run";
 /// About its size, points.
 const SIZE: Vec2 = Vec2::new(446.0, 362.0);
 /// Vehicles that drive less have not moved.
@@ -84,7 +86,11 @@ pub(super) fn window(ui: &Ui, state: &mut UiState, shown: &ViewModel<'_>, action
     }
     let frames = card.placed.filter(|(run, _)| *run == run_state.run).map_or(0, |(_, frames)| frames);
     card.placed = Some((run_state.run, (frames + 1).min(PLACING_FRAMES)));
-    let place = (frames < PLACING_FRAMES).then(|| Layout::place_beside(ui, SIZE, (&*state, shown)));
+    // As large as it has turned out: some lines are there in some runs alone.
+    let shown_size =
+        ui.ctx().memory(|memory| memory.area_rect(egui::Id::unique(WINDOW))).map(|rect| rect.size());
+    let size = shown_size.filter(|_| frames > 1).map_or(SIZE, |size| size.max(SIZE));
+    let place = (frames < PLACING_FRAMES).then(|| Layout::place_beside(ui, size, (&*state, shown)));
     let card = &mut state.runs.end_card;
     let units = state.preferences.units;
     let decimal = state.preferences.decimal;
@@ -94,7 +100,8 @@ pub(super) fn window(ui: &Ui, state: &mut UiState, shown: &ViewModel<'_>, action
     let mut compares = false;
     let title = if is_live { "Run finished" } else { "Recorded run" };
     // Folded to its title it is out of the way.
-    let window = super::super::sheet(ui, title).pivot(Align2::LEFT_TOP).collapsible(true).open(&mut is_open);
+    let window = super::super::sheet(ui, title).id(egui::Id::unique(WINDOW));
+    let window = window.pivot(Align2::LEFT_TOP).collapsible(true).open(&mut is_open);
     // A higher one would be moved up into the window before it shrinks to what it holds.
     let window = window.default_height(SIZE.y);
     // Where it hides nothing at first; the user may move it.

@@ -249,7 +249,7 @@ fn following_eases_to_the_vehicle_and_everything_can_be_framed_again() {
     assert!((viewpoint.target - seen.vehicles[0].position).length() < 1e-6);
     viewpoint.zoom(2.0);
     let near_m = viewpoint.distance_m;
-    viewpoint.frame(&seen.vehicles[0]);
+    viewpoint.frame(&seen.vehicles[0], &[]);
     while viewpoint.ease(0.02) {}
     assert_eq!((viewpoint.follow, viewpoint.distance_m), (None, near_m), "nobody is moved away");
     viewpoint.frame_all(&seen);
@@ -444,6 +444,37 @@ fn the_camera_rises_over_a_house_that_hides_the_followed_vehicle_and_comes_down_
         let again_m = viewpoint.view(&seen, [400, 300]).extrinsics.position.z;
         assert!((again_m - low_m).abs() < 1e-6, "{mode:?}: {low_m} {again_m}");
     }
+}
+
+#[test]
+fn a_framed_vehicle_is_seen_over_the_house_before_it() {
+    let seen = snapshot(10.0);
+    let vehicle = &seen.vehicles[0];
+    let mut viewpoint = Viewpoint::around(&seen);
+    (viewpoint.azimuth_rad, viewpoint.elevation_rad) = (-FRAC_PI_2, 0.3);
+    let at = vehicle.position.truncate().as_vec2() - glam::Vec2::new(0.0, 6.0);
+    let wall =
+        Wall { from: at - glam::Vec2::new(20.0, 0.0), to: at + glam::Vec2::new(20.0, 0.0), height_m: 8.0 };
+    let is_hidden = |viewpoint: &Viewpoint| {
+        let eye = viewpoint.view(&seen, [400, 300]).extrinsics.position;
+        occlusion::is_occluded(eye, vehicle.position + DVec3::Z, &[wall])
+    };
+    for (walls, is_seen) in [(&[][..], false), (&[wall][..], true)] {
+        let mut framed = viewpoint.clone();
+        framed.frame(vehicle, walls);
+        while framed.ease(0.02) {}
+        assert_eq!(is_hidden(&framed), !is_seen, "{walls:?}");
+        assert_eq!((framed.azimuth_rad, framed.elevation_rad > 0.31), (-FRAC_PI_2, is_seen));
+    }
+    let mut turned = viewpoint;
+    turned.frame(vehicle, &[wall]);
+    turned.turn(0.0, -1.0);
+    while turned.ease(0.02) {}
+    assert!(
+        (turned.elevation_rad - 0.3).abs() < 0.01,
+        "who turns the view decides: {}",
+        turned.elevation_rad
+    );
 }
 
 #[test]
