@@ -2,6 +2,12 @@
 
 use egui::{Align2, Pos2, Rect, Vec2};
 
+/// Puts a window to a place in this frame. One that is dragged by its title alone keeps the place that it has: egui 0.37 takes it
+/// for a drag of what the window holds.
+pub fn moved_to(window: egui::Window<'_>, place: Pos2) -> egui::Window<'_> {
+    window.current_pos(place).drag_area(egui::WindowDrag::Anywhere)
+}
+
 /// Between a panel and the edges of the city, points.
 const MARGIN: f32 = 12.0;
 /// A hidden point of the watched vehicle counts as many of another panel.

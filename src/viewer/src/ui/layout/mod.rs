@@ -7,6 +7,7 @@ mod stored;
 pub use stored::StoredLayout;
 
 use self::floating::FloatingPlaces;
+pub(super) use self::floating::moved_to;
 use super::panels::{self, Home, Panel, PanelEntry, entry};
 use super::{UiAction, UiState, ViewModel};
 use egui::{Rect, Ui, Vec2, WidgetText, vec2};
@@ -223,11 +224,11 @@ impl Layout {
             let before = rects(panel);
             let hides = |before: Rect| opening.iter().any(|other| other.intersects(before));
             if !was_open.contains(panel) {
-                floating = floating.current_pos(places.free((before, size), &taken));
+                floating = moved_to(floating, places.free((before, size), &taken));
             } else if let Some(before) = before.filter(|before| hides(*before)) {
                 let others: Vec<Rect> = taken.iter().copied().filter(|other| *other != before).collect();
                 let places = FloatingPlaces { kept: [&places.kept[..], &opening].concat(), ..places.clone() };
-                floating = floating.current_pos(places.free((Some(before), size), &others));
+                floating = moved_to(floating, places.free((Some(before), size), &others));
             }
             let response = floating.show(ui.ctx(), |ui| {
                 stays_floating = !dock_button(ui);

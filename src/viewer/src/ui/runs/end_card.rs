@@ -1,7 +1,7 @@
 //! The card of a finished run, or of a recorded one: what came of it, and what to do next.
 
-use super::super::traffic;
 use super::super::{CityKind, DecimalSeparator, Layout, UiAction, UiState, ViewModel};
+use super::super::{layout, traffic};
 use super::RunAgain;
 use super::fields::{environment, seed};
 use city3d_logbook::figures::some_names;
@@ -105,7 +105,7 @@ pub(super) fn window(ui: &Ui, state: &mut UiState, shown: &ViewModel<'_>, action
     // A higher one would be moved up into the window before it shrinks to what it holds.
     let window = window.default_height(SIZE.y);
     // Where it hides nothing at first; the user may move it.
-    let window = if let Some(place) = place { window.current_pos(place) } else { window };
+    let window = if let Some(place) = place { layout::moved_to(window, place) } else { window };
     window.show(ui.ctx(), |ui| {
         ui.set_max_width(430.0);
         ui.label(format!(
