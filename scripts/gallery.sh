@@ -36,6 +36,12 @@ for preset in low medium high ultra; do
         --camera chase --vehicle 20
 done
 
+# A wet road, which "ultra" mirrors things in.
+for preset in high ultra; do
+    take "rain-$preset" city --size 640x360 --quality "$preset" --weather rain --from 20 --duration 20 \
+        --camera chase --vehicle 20
+done
+
 # What the pictures say besides colour; depth from black nearby to white at 65 m.
 take kind-depth city --size 640x360 --quality low --from 0 --duration 0.01 \
     --camera chase --vehicle 20 --kind depth

@@ -167,6 +167,15 @@ const LEAVES_FADE: vec2<f32> = vec2<f32>(0.025, 0.055);
 // Alpha to coverage: the density of leaves sets how many samples they cover, so that the outline of a crown is ragged.
 @fragment
 fn crown_fragment(in: Fragment) -> @location(0) vec4<f32> {
+    return crown_pixel(in);
+}
+
+@fragment
+fn reflecting_crown_fragment(in: Fragment) -> HdrPixel {
+    return HdrPixel(crown_pixel(in), vec4<f32>(0.0));
+}
+
+fn crown_pixel(in: Fragment) -> vec4<f32> {
     let texel = textureSampleBias(surfaces, surface_sampler, in.uv, LEAVES, -0.5);
     let from_eye = in.world - view.eye.xyz;
     let distance = length(from_eye);
@@ -181,12 +190,21 @@ fn crown_fragment(in: Fragment) -> @location(0) vec4<f32> {
     let least = 0.80 * near * bare * (1.0 - smoothstep(0.0, 0.65, dot(normal, to_eye)));
     let cover = clamp((0.35 * texel.g + 0.65 * sprays - least) * 12.0 + 0.5, 0.0, 1.0);
     let leaf = PbrMaterial(texel.rgb * in.colour.rgb, in.colour.a, texel.a, 0.0, 0.4, 0.0);
-    let seen = hdr_output(shade(leaf, in.world, normal, to_eye), vec3<f32>(0.0), from_eye);
-    return vec4<f32>(seen.rgb, cover);
+    let seen = hdr_pixel(shade(leaf, in.world, normal, to_eye), vec3<f32>(0.0), from_eye);
+    return vec4<f32>(seen.radiance.rgb, cover);
 }
 
 @fragment
 fn fragment_main(in: Fragment) -> @location(0) vec4<f32> {
+    return lit_pixel(in).radiance;
+}
+
+@fragment
+fn reflecting_fragment(in: Fragment) -> HdrPixel {
+    return lit_pixel(in);
+}
+
+fn lit_pixel(in: Fragment) -> HdrPixel {
     let is_line = in.layer == LINE;
     let layer = select(in.layer, ASPHALT, is_line);
     let uv = select(in.uv, in.world.xy * 0.2, is_line);
@@ -237,7 +255,7 @@ fn fragment_main(in: Fragment) -> @location(0) vec4<f32> {
     if lamplit && layer == LETTERS {
         glow = m.albedo * (BOARD_EMISSION * frame.zenith.w);
     }
-    return hdr_output(lit, glow, from_eye);
+    return hdr_pixel(lit, glow, from_eye);
 }
 
 // Albedo of the texture, which stores the square root of reflectance: decoding is one multiplication.

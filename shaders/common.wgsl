@@ -28,6 +28,14 @@ struct View {
     extent: vec4<f32>,
 }
 
+// Pixel of the HDR target, and where reflections in screen space are on, what they may replace.
+struct HdrPixel {
+    // Radiance; alpha: share that ambient occlusion may take.
+    @location(0) radiance: vec4<f32>,
+    // Radiance that the environment map reflects; alpha: reflectance. Nothing of surfaces that are not smooth.
+    @location(1) mirror: vec4<f32>,
+}
+
 @group(0) @binding(0) var<uniform> frame: Frame;
 @group(0) @binding(1) var<uniform> view: View;
 

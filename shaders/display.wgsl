@@ -3,6 +3,10 @@
 @group(1) @binding(2) var occlusion_map: texture_2d<f32>;
 
 override ambient_occlusion: bool = true;
+// Whether smooth surfaces mirror the picture.
+override reflections: bool = false;
+
+@group(1) @binding(4) var reflection_map: texture_2d<f32>;
 // Whether the target is of an sRGB format, which encodes once more.
 override target_is_srgb: bool = false;
 
@@ -45,6 +49,20 @@ fn blurred_visibility(place: TilePixel) -> f32 {
     return sum.x / max(sum.y, 1e-4);
 }
 
+// Reflections around a pixel: a ray hits or misses, so that their outlines have steps.
+fn smoothed_reflection(place: TilePixel) -> vec4<f32> {
+    let here = textureLoad(reflection_map, place.origin + place.pixel, 0);
+    var sum = vec4<f32>(0.0);
+    for (var k = 0; k < 9; k++) {
+        let off = vec2<i32>(k % 3, k / 3) - 1;
+        let near = textureLoad(reflection_map, texel_of(place, place.pixel + off), 0);
+        // Of the same surface: 4, 2 and 1 for this pixel, its sides and its corners.
+        let weight = f32(4 >> u32(abs(off.x) + abs(off.y))) * select(0.0, 1.0, near.a > 0.0);
+        sum += weight * vec4<f32>(near.rgb, 1.0);
+    }
+    return vec4<f32>(sum.rgb / max(sum.a, 1.0), here.a);
+}
+
 // Dither by interleaved gradient noise (Jimenez 2014), from -0.5 to 0.5.
 fn dither(pixel: vec2<i32>) -> f32 {
     return fract(52.9829189 * fract(dot(vec2<f32>(pixel), vec2<f32>(0.06711056, 0.00583715)))) - 0.5;
@@ -58,10 +76,20 @@ fn fragment_main(in: Tile) -> @location(0) vec4<f32> {
         occlusion = 1.0 - blurred_visibility(place);
     }
     // MSAA resolve after tone mapping: edges against bright surfaces stay smooth.
+    let texel = place.origin + place.pixel;
+    var reflection = vec4<f32>(0.0);
+    if reflections {
+        reflection = smoothed_reflection(place);
+    }
     let count = sample_count();
     var sum = vec3<f32>(0.0);
     for (var k = 0u; k < count; k++) {
-        let sample = radiance_at(place.origin + place.pixel, k);
+        var sample = radiance_at(texel, k);
+        if reflections && reflection.a > 0.0 {
+            // At an edge the other samples may be of another surface.
+            let part = clamp(mirror_at(texel, k).a / reflection.a, 0.0, 1.0);
+            sample = vec4<f32>(max(sample.rgb + part * reflection.rgb, vec3<f32>(0.0)), sample.a);
+        }
         sum += aces_filmic(sample.rgb * (frame.sun.w * (1.0 - occlusion * sample.a)));
     }
     let shown = srgb_from_linear_exactly(sum / f32(count)) + dither(place.pixel) / 255.0;

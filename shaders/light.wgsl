@@ -93,7 +93,12 @@ struct Lit {
     radiance: vec3<f32>,
     // The ambient part, which ambient occlusion may reduce.
     ambient: vec3<f32>,
+    // The part of a smooth surface that the environment map reflects; alpha: its reflectance.
+    mirror: vec4<f32>,
 }
+
+// Roughness from which and to which reflections in screen space fade out.
+const SMOOTH: vec2<f32> = vec2<f32>(0.12, 0.42);
 
 // Lookup in the environment map: hemi-octahedral mapping, mipmap level by roughness.
 fn sky_radiance(direction: vec3<f32>, roughness: f32) -> vec3<f32> {
@@ -169,7 +174,7 @@ fn shade(m: PbrMaterial, world: vec3<f32>, normal: vec3<f32>, to_eye: vec3<f32>)
     var direct = matt * light;
     var ambient = matt * around;
     if m.roughness > 0.96 {
-        return Lit(direct + ambient, ambient);
+        return Lit(direct + ambient, ambient, vec4<f32>(0.0));
     }
     let n_v = max(dot(normal, to_eye), 1e-3);
     let halfway = normalize(frame.to_sun.xyz + to_eye);
@@ -179,7 +184,8 @@ fn shade(m: PbrMaterial, world: vec3<f32>, normal: vec3<f32>, to_eye: vec3<f32>)
     let f90 = 0.75 + 0.25 * m.metallic;
     let share = environment_brdf(m.roughness, n_v);
     let image = reflected_radiance(world, reflect(-to_eye, normal), m.roughness) * m.openness;
-    let mirror = image * (f0 * share.x + f90 * share.y);
+    let reflectance = f0 * share.x + f90 * share.y;
+    let mirror = image * reflectance;
     let fresnel = f0 + (f90 - f0) * pow5(1.0 - dot(to_eye, halfway));
     let glint = fresnel * (ggx_specular(n_h, n_l, n_v, m.roughness) * n_l * sun_seen);
     direct += frame.sun.rgb * min(glint, vec3<f32>(12.0));
@@ -191,17 +197,19 @@ fn shade(m: PbrMaterial, world: vec3<f32>, normal: vec3<f32>, to_eye: vec3<f32>)
     // Sharp reflections show distant things, which nearby occluders do not hide.
     ambient += mirror * m.roughness;
     direct += mirror * (1.0 - m.roughness);
-    return Lit(direct + ambient, ambient);
+    let sharp = 1.0 - smoothstep(SMOOTH.x, SMOOTH.y, m.roughness);
+    return Lit(direct + ambient, ambient, vec4<f32>(mirror, luminance(reflectance)) * sharp);
 }
 
 fn luminance(c: vec3<f32>) -> f32 {
     return dot(c, vec3<f32>(0.2126, 0.7152, 0.0722));
 }
 
-// Output of a sample of the HDR target: radiance through the fog; alpha: share that ambient occlusion may take.
-fn hdr_output(lit: Lit, glow: vec3<f32>, from_eye: vec3<f32>) -> vec4<f32> {
+// Pixel of the HDR target: light through the fog.
+fn hdr_pixel(lit: Lit, glow: vec3<f32>, from_eye: vec3<f32>) -> HdrPixel {
     let clear = fog_transmittance(from_eye, view.eye.z, frame.haze.w);
     let radiance = mix(frame.haze.rgb, lit.radiance + glow, clear);
     let share = luminance(lit.ambient) * clear / max(luminance(radiance), 1e-5);
-    return vec4<f32>(min(radiance, vec3<f32>(3e4)), clamp(share, 0.0, 1.0));
+    let seen = vec4<f32>(min(radiance, vec3<f32>(3e4)), clamp(share, 0.0, 1.0));
+    return HdrPixel(seen, lit.mirror * clear);
 }

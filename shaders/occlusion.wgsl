@@ -13,35 +13,6 @@ const STRENGTH: f32 = 4.5;
 // Turns of the spiral of taps.
 const SPIRAL_TURNS: f32 = 7.0;
 
-// Homogeneous position in the camera frame of a pixel at a depth.
-fn position_of(pixel: vec2<i32>, depth: f32) -> vec4<f32> {
-    let at = (vec2<f32>(pixel) + 0.5) / view.extent.xy;
-    return view.camera_from_clip * vec4<f32>(at.x * 2.0 - 1.0, 1.0 - at.y * 2.0, depth, 1.0);
-}
-
-struct SurfacePoint {
-    depth: f32,
-    position: vec3<f32>,
-}
-
-fn surface_at(place: TilePixel, pixel: vec2<i32>) -> SurfacePoint {
-    let depth = depth_at(texel_of(place, pixel));
-    let p = position_of(pixel, depth);
-    return SurfacePoint(depth, p.xyz / p.w);
-}
-
-// Tangent of the surface at `here` along one axis of the picture, from the neighbour that continues the surface: depths
-// of a plane are linear in pixels.
-fn along(place: TilePixel, here: SurfacePoint, axis: vec2<i32>) -> vec3<f32> {
-    let before = surface_at(place, place.pixel - axis);
-    let after = surface_at(place, place.pixel + axis);
-    let beyond_before = depth_at(texel_of(place, place.pixel - 2 * axis));
-    let beyond_after = depth_at(texel_of(place, place.pixel + 2 * axis));
-    let bend_before = abs(2.0 * before.depth - beyond_before - here.depth);
-    let bend_after = abs(2.0 * after.depth - beyond_after - here.depth);
-    return select(after.position - here.position, here.position - before.position, bend_before < bend_after);
-}
-
 @fragment
 fn fragment_main(in: Tile) -> @location(0) vec2<f32> {
     let place = tile_pixel(in);
@@ -55,9 +26,7 @@ fn fragment_main(in: Tile) -> @location(0) vec2<f32> {
     if depth <= 0.0 || reach < 2.0 {
         return vec2<f32>(1.0, depth);
     }
-    let x = along(place, here, vec2<i32>(1, 0));
-    let y = along(place, here, vec2<i32>(0, 1));
-    let normal = normalize(cross(y, x));
+    let normal = normal_at(place, here);
 
     // Each of 4 by 4 pixels rotates the spiral by its entry of a Bayer matrix; the display pass blurs over all 16.
     let cell = vec2<u32>(place.pixel & vec2<i32>(3));

@@ -65,6 +65,11 @@ fn fragment_main(in: Fragment) -> @location(0) vec4<f32> {
     return vec4<f32>(radiance(in), 0.0);
 }
 
+@fragment
+fn reflecting_fragment(in: Fragment) -> HdrPixel {
+    return HdrPixel(vec4<f32>(radiance(in), 0.0), vec4<f32>(0.0));
+}
+
 // The target holds tone-mapped colours.
 @fragment
 fn vertex_lit_fragment(in: Fragment) -> @location(0) vec4<f32> {

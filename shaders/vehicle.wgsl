@@ -88,6 +88,15 @@ fn vertex_main(in: VertexIn) -> Fragment {
 
 @fragment
 fn fragment_main(in: Fragment) -> @location(0) vec4<f32> {
+    return lit_pixel(in).radiance;
+}
+
+@fragment
+fn reflecting_fragment(in: Fragment) -> HdrPixel {
+    return lit_pixel(in);
+}
+
+fn lit_pixel(in: Fragment) -> HdrPixel {
     var m: PbrMaterial;
     m.albedo = in.albedo.rgb;
     m.openness = in.albedo.a;
@@ -97,7 +106,7 @@ fn fragment_main(in: Fragment) -> @location(0) vec4<f32> {
     m.coated = in.finish.w;
     let from_eye = in.world - view.eye.xyz;
     let lit = shade(m, in.world, normalize(in.normal), -normalize(from_eye));
-    return hdr_output(lit, in.glow, from_eye);
+    return hdr_pixel(lit, in.glow, from_eye);
 }
 
 // Clear glass: the reflection of the sky by Fresnel over what is behind it, premultiplied.

@@ -2,7 +2,7 @@
 //! is one render pass.
 
 use super::grid::TileGrid;
-use super::passes::{Attachments, DEPTH_BUFFER_FORMAT};
+use super::passes::{Attachments, DEPTH_BUFFER_FORMAT, HDR_FORMAT};
 use super::post_process::{HdrTarget, PostProcess};
 
 /// Attachments for views of one size.
@@ -13,6 +13,8 @@ pub(super) struct Atlas {
     pub(super) color_view: wgpu::TextureView,
     /// HDR or multisampled (MSAA) attachment, where passes do not draw to `color` directly.
     pub(super) samples_view: Option<wgpu::TextureView>,
+    /// What smooth surfaces reflect, see [`Attachments::reflects`].
+    pub(super) mirrors_view: Option<wgpu::TextureView>,
     pub(super) depth_view: wgpu::TextureView,
     /// Whether later passes read the depth buffer.
     pub(super) keeps_depth: bool,
@@ -32,10 +34,10 @@ impl Atlas {
         let has_samples = post_process.is_some() || attachments.samples > 1;
         let grid =
             TileGrid::new(device, tile, wanted, pixel_bytes(attachments, post_process.is_some()), bytes);
-        let texture = |label, format, sample_count, usage| {
+        let sized = |label, size, format, sample_count, usage| {
             device.create_texture(&wgpu::TextureDescriptor {
                 label: Some(label),
-                size: grid.size(),
+                size,
                 mip_level_count: 1,
                 sample_count,
                 dimension: wgpu::TextureDimension::D2,
@@ -44,6 +46,8 @@ impl Atlas {
                 view_formats: &[],
             })
         };
+        let texture =
+            |label, format, sample_count, usage| sized(label, grid.size(), format, sample_count, usage);
         let view = |texture: &wgpu::Texture| texture.create_view(&wgpu::TextureViewDescriptor::default());
         let attachment = wgpu::TextureUsages::RENDER_ATTACHMENT;
         let drawn = if post_process.is_some() {
@@ -58,10 +62,15 @@ impl Atlas {
         let read = attachment | wgpu::TextureUsages::TEXTURE_BINDING;
         let depth_view = view(&texture("depth", DEPTH_BUFFER_FORMAT, attachments.samples, read));
         let hdr_target = post_process.zip(samples_view.as_ref()).map(|(post_process, samples)| {
-            post_process.hdr_target(device, grid.size(), [samples, &depth_view])
+            let size = if attachments.reflects { grid.size() } else { wgpu::Extent3d::default() };
+            let mirrors = view(&sized("mirrors", size, HDR_FORMAT, attachments.samples, drawn));
+            let target = post_process.hdr_target(device, grid.size(), [samples, &depth_view, &mirrors]);
+            (target, mirrors)
         });
+        let (hdr_target, mirrors_view) = hdr_target.unzip();
+        let mirrors_view = mirrors_view.filter(|_| attachments.reflects);
         let (color_view, keeps_depth) = (view(&color), post_process.is_some());
-        Self { grid, color_view, color, samples_view, depth_view, keeps_depth, hdr_target }
+        Self { grid, color_view, color, samples_view, mirrors_view, depth_view, keeps_depth, hdr_target }
     }
 }
 
@@ -70,8 +79,9 @@ fn pixel_bytes(attachments: Attachments, developed: bool) -> u64 {
     let samples = u64::from(attachments.samples);
     let (shown, depth) = (4, 4 * samples);
     let (radiance, occlusion) = (8 * samples, 8);
+    let reflection = if attachments.reflects { 8 * samples + 8 } else { 0 };
     match (developed, samples) {
-        (true, _) => shown + depth + radiance + occlusion,
+        (true, _) => shown + depth + radiance + occlusion + reflection,
         (false, 1) => shown + depth,
         (false, _) => shown + depth + 4 * samples,
     }

@@ -455,10 +455,20 @@ impl DeviceRenderer {
             None => (color, None, keep),
         };
         let attachment = wgpu::RenderPassColorAttachment { view, depth_slice: None, resolve_target, ops };
+        let mirrors = atlas.mirrors_view.as_ref().map(|view| wgpu::RenderPassColorAttachment {
+            view,
+            depth_slice: None,
+            resolve_target: None,
+            ops: wgpu::Operations {
+                load: wgpu::LoadOp::Clear(wgpu::Color::TRANSPARENT),
+                store: wgpu::StoreOp::Store,
+            },
+        });
+        let attachments: Vec<_> = std::iter::once(attachment).chain(mirrors).map(Some).collect();
         let depth_store = if atlas.keeps_depth { wgpu::StoreOp::Store } else { wgpu::StoreOp::Discard };
         let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
             label: Some("pictures"),
-            color_attachments: &[Some(attachment)],
+            color_attachments: &attachments,
             depth_stencil_attachment: Some(wgpu::RenderPassDepthStencilAttachment {
                 view: &atlas.depth_view,
                 depth_ops: Some(wgpu::Operations { load: wgpu::LoadOp::Clear(0.0), store: depth_store }),

@@ -1,10 +1,11 @@
-//! Post-processing: screen-space ambient occlusion (SSAO), then the display transform (exposure, tone mapping, sRGB
+//! Post-processing: screen-space ambient occlusion (SSAO) and reflections (SSR), then the display transform (exposure, tone mapping, sRGB
 //! encoding, dither). Vertex lighting needs none.
 
 use super::passes::Attachments;
 use super::passes::common::FrameBindGroup;
 use super::passes::display::DisplayPass;
 use super::passes::occlusion::{self, OcclusionPass};
+use super::passes::reflection::{self, ReflectionPass};
 use super::passes::tiles::Tiles;
 use super::settings::Quality;
 
@@ -12,6 +13,7 @@ use super::settings::Quality;
 #[derive(Debug)]
 pub(super) struct PostProcess {
     occlusion: Option<OcclusionPass>,
+    reflection: Option<ReflectionPass>,
     display: DisplayPass,
 }
 
@@ -21,6 +23,9 @@ pub(super) struct HdrTarget {
     /// Target of the occlusion pass; one texel without one.
     occlusion: wgpu::TextureView,
     occlusion_group: Option<wgpu::BindGroup>,
+    /// Target of the reflections; one texel without them.
+    reflection: wgpu::TextureView,
+    reflection_group: Option<wgpu::BindGroup>,
     display_group: wgpu::BindGroup,
 }
 
@@ -33,9 +38,11 @@ impl PostProcess {
     ) -> Self {
         let samples = quality.ssao_samples;
         let occlusion = (samples > 0).then(|| OcclusionPass::new(device, attachments, samples, frame));
+        let steps = quality.reflection_steps;
+        let reflection = attachments.reflects.then(|| ReflectionPass::new(device, attachments, steps, frame));
         let mut display = DisplayPass::new(device, attachments, occlusion.is_some());
         display.prepare_pipeline(device, frame, attachments.display_format);
-        Self { occlusion, display }
+        Self { occlusion, reflection, display }
     }
 
     /// Makes the pipeline for targets of a pixel format, if it is missing.
@@ -48,29 +55,36 @@ impl PostProcess {
         self.display.prepare_pipeline(device, frame, format);
     }
 
-    /// Bindings for an atlas of a size with this HDR target and depth buffer.
+    /// Bindings for an atlas of a size with this HDR target, depth buffer and what smooth surfaces reflect: one texel where there
+    /// are no reflections.
     pub(super) fn hdr_target(
         &self,
         device: &wgpu::Device,
         size: wgpu::Extent3d,
-        [radiances, depths]: [&wgpu::TextureView; 2],
+        [radiances, depths, mirrors]: [&wgpu::TextureView; 3],
     ) -> HdrTarget {
-        let size = if self.occlusion.is_some() { size } else { wgpu::Extent3d::default() };
-        let texture = device.create_texture(&wgpu::TextureDescriptor {
-            label: Some("occlusion"),
-            size,
-            mip_level_count: 1,
-            sample_count: 1,
-            dimension: wgpu::TextureDimension::D2,
-            format: occlusion::FORMAT,
-            usage: wgpu::TextureUsages::RENDER_ATTACHMENT | wgpu::TextureUsages::TEXTURE_BINDING,
-            view_formats: &[],
-        });
-        let occlusion = texture.create_view(&wgpu::TextureViewDescriptor::default());
+        let target = |label, is_used, format| {
+            let texture = device.create_texture(&wgpu::TextureDescriptor {
+                label: Some(label),
+                size: if is_used { size } else { wgpu::Extent3d::default() },
+                mip_level_count: 1,
+                sample_count: 1,
+                dimension: wgpu::TextureDimension::D2,
+                format,
+                usage: wgpu::TextureUsages::RENDER_ATTACHMENT | wgpu::TextureUsages::TEXTURE_BINDING,
+                view_formats: &[],
+            });
+            texture.create_view(&wgpu::TextureViewDescriptor::default())
+        };
+        let occlusion = target("occlusion", self.occlusion.is_some(), occlusion::FORMAT);
+        let reflection = target("reflections", self.reflection.is_some(), reflection::FORMAT);
+        let reflected = [radiances, depths, mirrors];
         HdrTarget {
             occlusion_group: self.occlusion.as_ref().map(|pass| pass.bind(device, depths)),
-            display_group: self.display.bind(device, radiances, &occlusion),
+            reflection_group: self.reflection.as_ref().map(|pass| pass.bind(device, reflected)),
+            display_group: self.display.bind(device, [radiances, &occlusion, mirrors, &reflection]),
             occlusion,
+            reflection,
         }
     }
 
@@ -84,6 +98,9 @@ impl PostProcess {
     ) {
         if let Some((pass, group)) = self.occlusion.as_ref().zip(hdr_target.occlusion_group.as_ref()) {
             pass.draw(encoder, &hdr_target.occlusion, (frame, group), tiles);
+        }
+        if let Some((pass, group)) = self.reflection.as_ref().zip(hdr_target.reflection_group.as_ref()) {
+            pass.draw(encoder, &hdr_target.reflection, (frame, group), tiles);
         }
         self.display.draw(encoder, target, (frame, &hdr_target.display_group), tiles);
     }

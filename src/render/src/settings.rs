@@ -21,6 +21,8 @@ pub struct Quality {
     pub detail: bool,
     /// SSAO (screen-space ambient occlusion) taps per pixel; 0 switches it off.
     pub ssao_samples: u32,
+    /// Reflections in screen space (SSR): steps of a ray; 0 switches them off. They need light per pixel.
+    pub reflection_steps: u32,
     /// Resolution of the shadow map: texels along an edge.
     pub shadow_texels: u32,
     /// Level of detail: largest screen-space error of a coarser mesh, pixels.
@@ -47,13 +49,20 @@ impl Quality {
         soft_shadows: true,
         detail: false,
         ssao_samples: 6,
+        reflection_steps: 0,
         shadow_texels: 2048,
         lod_error_px: 1.5,
         min_size_px: 1.0,
     };
     /// For stills.
-    pub const ULTRA: Self =
-        Self { anisotropy: 16, ssao_samples: 20, shadow_texels: 8192, lod_error_px: 0.3, ..Self::HIGH };
+    pub const ULTRA: Self = Self {
+        anisotropy: 16,
+        ssao_samples: 20,
+        reflection_steps: 64,
+        shadow_texels: 8192,
+        lod_error_px: 0.3,
+        ..Self::HIGH
+    };
     /// For pictures that people look at.
     pub const HIGH: Self = Self {
         vertex_lit: false,
@@ -62,6 +71,7 @@ impl Quality {
         soft_shadows: true,
         detail: true,
         ssao_samples: 10,
+        reflection_steps: 0,
         shadow_texels: 4096,
         lod_error_px: 0.8,
         min_size_px: 1.0,
@@ -74,6 +84,7 @@ impl Quality {
         soft_shadows: false,
         detail: false,
         ssao_samples: 0,
+        reflection_steps: 0,
         shadow_texels: 2048,
         lod_error_px: 4.0,
         min_size_px: 2.0,

@@ -36,6 +36,8 @@ const GROUND_TRUTH: ShaderFile = shader_file!("ground_truth.wgsl");
 const TILE: ShaderFile = shader_file!("tile.wgsl");
 const SINGLE_SAMPLE: ShaderFile = shader_file!("single_sample.wgsl");
 const MULTISAMPLE: ShaderFile = shader_file!("multisample.wgsl");
+const SURFACE: ShaderFile = shader_file!("surface.wgsl");
+const REFLECTION: ShaderFile = shader_file!("reflection.wgsl");
 const OCCLUSION: ShaderFile = shader_file!("occlusion.wgsl");
 const DISPLAY: ShaderFile = shader_file!("display.wgsl");
 const OVERLAY: ShaderFile = shader_file!("overlay.wgsl");
@@ -54,6 +56,7 @@ pub(super) enum Shader {
     GroundTruth,
     Lamps,
     Occlusion(SampleCount),
+    Reflection(SampleCount),
     Display(SampleCount),
     Overlay(SampleCount),
     Palette,
@@ -68,7 +71,7 @@ pub(super) enum SampleCount {
 
 impl Shader {
     #[cfg(test)]
-    pub(super) const ALL: [Self; 16] = [
+    pub(super) const ALL: [Self; 18] = [
         Self::City,
         Self::Vehicle,
         Self::Contact,
@@ -80,6 +83,8 @@ impl Shader {
         Self::Lamps,
         Self::Occlusion(SampleCount::Single),
         Self::Occlusion(SampleCount::Multi),
+        Self::Reflection(SampleCount::Single),
+        Self::Reflection(SampleCount::Multi),
         Self::Display(SampleCount::Single),
         Self::Display(SampleCount::Multi),
         Self::Overlay(SampleCount::Single),
@@ -98,8 +103,10 @@ impl Shader {
             Self::Sky => &[COMMON, SKY],
             Self::GroundTruth => &[GROUND_TRUTH],
             Self::Lamps => &[COMMON, LAMPS],
-            Self::Occlusion(SampleCount::Single) => &[COMMON, TILE, SINGLE_SAMPLE, OCCLUSION],
-            Self::Occlusion(SampleCount::Multi) => &[COMMON, TILE, MULTISAMPLE, OCCLUSION],
+            Self::Occlusion(SampleCount::Single) => &[COMMON, TILE, SINGLE_SAMPLE, SURFACE, OCCLUSION],
+            Self::Occlusion(SampleCount::Multi) => &[COMMON, TILE, MULTISAMPLE, SURFACE, OCCLUSION],
+            Self::Reflection(SampleCount::Single) => &[COMMON, TILE, SINGLE_SAMPLE, SURFACE, REFLECTION],
+            Self::Reflection(SampleCount::Multi) => &[COMMON, TILE, MULTISAMPLE, SURFACE, REFLECTION],
             Self::Display(SampleCount::Single) => &[COMMON, TILE, SINGLE_SAMPLE, DISPLAY],
             Self::Display(SampleCount::Multi) => &[COMMON, TILE, MULTISAMPLE, DISPLAY],
             Self::Overlay(SampleCount::Single) => &[COMMON, SINGLE_SAMPLE, OVERLAY],
@@ -129,6 +136,7 @@ impl Shader {
                 Self::GroundTruth => "ground truth",
                 Self::Lamps => "lamps",
                 Self::Occlusion(_) => "occlusion",
+                Self::Reflection(_) => "reflection",
                 Self::Display(_) => "display",
                 Self::Overlay(_) => "overlay",
                 Self::Palette => "palette",

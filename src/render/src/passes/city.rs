@@ -116,7 +116,7 @@ const CROWN_BLEND: wgpu::BlendState = wgpu::BlendState {
 
 /// Whether a fragment stage is that of crowns near the camera, whose leaves leave gaps.
 fn is_crown(fragment: &str) -> bool {
-    fragment == "crown_fragment"
+    fragment.ends_with("crown_fragment")
 }
 
 impl CityPass {
@@ -187,10 +187,10 @@ impl CityPass {
             lines: pipeline(["vertex_lit_line_vertex", "vertex_lit_line_fragment"]),
             untextured: pipeline(attachments.untextured_entries()),
         });
-        let bucket = if attachments.vertex_lit {
-            ["vertex_lit_vertex", "unlit_fragment"]
-        } else {
-            ["vertex_main", "crown_fragment"]
+        let bucket = match (attachments.vertex_lit, attachments.reflects) {
+            (true, _) => ["vertex_lit_vertex", "unlit_fragment"],
+            (false, true) => ["vertex_main", "reflecting_crown_fragment"],
+            (false, false) => ["vertex_main", "crown_fragment"],
         };
         let instanced = |[vertex, fragment]: [&str; 2]| {
             let vertex = format!("instanced_{vertex}");

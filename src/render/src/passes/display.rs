@@ -10,20 +10,28 @@ use crate::shader::Shader;
 pub(crate) struct DisplayPass {
     attachments: Attachments,
     ambient_occlusion: bool,
+    reflections: bool,
     layout: wgpu::BindGroupLayout,
     pipelines: Vec<(wgpu::TextureFormat, wgpu::RenderPipeline)>,
 }
 
 impl DisplayPass {
-    /// Without `ambient_occlusion` the shader does not read the occlusion texture.
+    /// Without `ambient_occlusion` the shader does not read the occlusion texture; without [`Attachments::reflects`] neither what
+    /// smooth surfaces reflect nor the reflections.
     pub(crate) fn new(device: &wgpu::Device, attachments: Attachments, ambient_occlusion: bool) -> Self {
         let unfiltered = wgpu::TextureSampleType::Float { filterable: false };
         let texture = |binding| texture_entry(binding, unfiltered, wgpu::TextureViewDimension::D2);
         let layout = device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
             label: Some("display"),
-            entries: &[attachments.with_sample_count(texture(0)), texture(2)],
+            entries: &[
+                attachments.with_sample_count(texture(0)),
+                texture(2),
+                attachments.with_sample_count(texture(3)),
+                texture(4),
+            ],
         });
-        Self { attachments, ambient_occlusion, layout, pipelines: Vec::new() }
+        let reflections = attachments.reflects;
+        Self { attachments, ambient_occlusion, reflections, layout, pipelines: Vec::new() }
     }
 
     /// Makes the pipeline for targets of a pixel format, if it is missing.
@@ -36,6 +44,7 @@ impl DisplayPass {
         if self.pipeline(format).is_none() {
             let constants = [
                 ("ambient_occlusion", f64::from(u8::from(self.ambient_occlusion))),
+                ("reflections", f64::from(u8::from(self.reflections))),
                 ("target_is_srgb", f64::from(u8::from(format.is_srgb()))),
             ];
             let shader = Shader::Display(self.attachments.sample_count());
@@ -51,16 +60,16 @@ impl DisplayPass {
     pub(crate) fn bind(
         &self,
         device: &wgpu::Device,
-        radiances: &wgpu::TextureView,
-        occlusion: &wgpu::TextureView,
+        [radiances, occlusion, mirrors, reflections]: [&wgpu::TextureView; 4],
     ) -> wgpu::BindGroup {
+        let entry = |binding, view| wgpu::BindGroupEntry {
+            binding,
+            resource: wgpu::BindingResource::TextureView(view),
+        };
         device.create_bind_group(&wgpu::BindGroupDescriptor {
             label: Some("display"),
             layout: &self.layout,
-            entries: &[
-                wgpu::BindGroupEntry { binding: 0, resource: wgpu::BindingResource::TextureView(radiances) },
-                wgpu::BindGroupEntry { binding: 2, resource: wgpu::BindingResource::TextureView(occlusion) },
-            ],
+            entries: &[entry(0, radiances), entry(2, occlusion), entry(3, mirrors), entry(4, reflections)],
         })
     }
 

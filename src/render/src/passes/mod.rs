@@ -11,6 +11,7 @@ pub(super) mod light;
 pub(super) mod occlusion;
 pub(super) mod overlay;
 pub(super) mod palette;
+pub(super) mod reflection;
 pub(super) mod shadow;
 pub(super) mod signals;
 pub(super) mod sky;
@@ -25,7 +26,7 @@ use super::shader::{SampleCount, Shader};
 pub(super) const DEPTH_BUFFER_FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Depth32Float;
 
 /// HDR target: radiance of a sample; alpha is the share of it that ambient occlusion may take.
-const HDR_FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rgba16Float;
+pub(super) const HDR_FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rgba16Float;
 
 /// Pixel formats and MSAA samples of the attachments that colour passes draw to.
 #[derive(Clone, Copy, Debug)]
@@ -36,6 +37,8 @@ pub(super) struct Attachments {
     pub(super) display_format: wgpu::TextureFormat,
     /// MSAA samples per pixel.
     pub(super) samples: u32,
+    /// Whether there is a second attachment, of [`HDR_FORMAT`], for what smooth surfaces reflect.
+    pub(super) reflects: bool,
     /// See [`super::Quality::vertex_lit`]; samples then hold displayed colours.
     pub(super) vertex_lit: bool,
     /// See [`Settings::flat`].
@@ -48,7 +51,8 @@ impl Attachments {
         let vertex_lit = settings.quality.vertex_lit;
         let format = if vertex_lit { display_format } else { HDR_FORMAT };
         let (samples, is_flat) = (settings.quality.samples, settings.flat.is_some());
-        Self { format, display_format, samples, vertex_lit, is_flat }
+        let reflects = !vertex_lit && settings.quality.reflection_steps > 0;
+        Self { format, display_format, samples, reflects, vertex_lit, is_flat }
     }
 
     /// Whether near vehicles have clear glass, which needs light per pixel.
@@ -88,10 +92,10 @@ impl Attachments {
 
     /// Entry points for per-pixel or vertex lighting.
     pub(super) fn entries(self) -> [&'static str; 2] {
-        if self.vertex_lit {
-            ["vertex_lit_vertex", "vertex_lit_fragment"]
-        } else {
-            ["vertex_main", "fragment_main"]
+        match (self.vertex_lit, self.reflects) {
+            (true, _) => ["vertex_lit_vertex", "vertex_lit_fragment"],
+            (false, true) => ["vertex_main", "reflecting_fragment"],
+            (false, false) => ["vertex_main", "fragment_main"],
         }
     }
 }
@@ -137,6 +141,17 @@ pub(super) fn scene_pipeline(
         bind_group_layouts: state.groups,
         immediate_size: 0,
     });
+    let mut targets = vec![Some(wgpu::ColorTargetState {
+        format: attachments.format,
+        blend: state.blend,
+        write_mask: wgpu::ColorWrites::ALL,
+    })];
+    if attachments.reflects {
+        // What hides a smooth surface hides its reflection.
+        let writes = state.entries[1].starts_with("reflecting_");
+        let write_mask = if writes { wgpu::ColorWrites::ALL } else { wgpu::ColorWrites::empty() };
+        targets.push(Some(wgpu::ColorTargetState { format: HDR_FORMAT, blend: None, write_mask }));
+    }
     device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
         label: Some(&format!("{:?}", state.shader)),
         layout: Some(&layout),
@@ -167,11 +182,7 @@ pub(super) fn scene_pipeline(
             module,
             entry_point: Some(state.entries[1]),
             compilation_options: options,
-            targets: &[Some(wgpu::ColorTargetState {
-                format: attachments.format,
-                blend: state.blend,
-                write_mask: wgpu::ColorWrites::ALL,
-            })],
+            targets: &targets,
         }),
         multiview_mask: None,
         cache: None,

@@ -30,14 +30,13 @@ impl SignalPass {
         frame: &wgpu::BindGroupLayout,
         heads: &[SignalLenses],
     ) -> Self {
-        let entry = if attachments.vertex_lit { "vertex_lit_fragment" } else { "fragment_main" };
         let pipeline = scene_pipeline(
             device,
             attachments,
             &ScenePipelineState {
                 shader: Shader::Signal,
                 module: &Shader::Signal.module(device, None),
-                entries: ["vertex_main", entry],
+                entries: ["vertex_main", attachments.entries()[1]],
                 groups: &[Some(frame)],
                 buffers: &[Some(LAYOUT)],
                 constants: &[],

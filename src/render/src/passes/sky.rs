@@ -86,7 +86,10 @@ impl SkyPass {
         let state = ScenePipelineState {
             shader: Shader::Sky,
             module: &module,
-            entries: ["vertex_main", attachments.entries()[1]],
+            entries: [
+                "vertex_main",
+                if attachments.vertex_lit { "vertex_lit_fragment" } else { "fragment_main" },
+            ],
             groups: &[Some(groups[0]), Some(groups[1]), Some(&layout)],
             buffers: &[Some(gpu_data::LAYOUT)],
             constants: &[],

@@ -86,3 +86,57 @@ fn a_wet_road_mirrors_a_lamp_at_night_where_the_law_of_reflection_has_it() {
         assert!(contrast(&wet) > contrast(&dry) + 15.0, "{} {}", contrast(&wet), contrast(&dry));
     }
 }
+
+/// Ground of a surface before a red wall.
+fn before_a_red_wall(surface: Surface) -> SceneDescription {
+    let mut ground = Mesh::default();
+    let ring =
+        [(-60.0, -60.0), (300.0, -60.0), (300.0, 60.0), (-60.0, 60.0)].map(|(x, y)| Vec3::new(x, y, 0.0));
+    ground.plate(&ring, Finish::new(surface, [90; 3], Class::Road), 1.0);
+    let mut wall = Mesh::default();
+    let finish = Finish::new(Surface::Plain, [200, 20, 20], Class::Wall);
+    wall.block(Vec3::new(RED_WALL_M as f32, 0.0, 0.0), Vec3::new(1.0, 40.0, 4.0), 0.0, finish);
+    SceneDescription {
+        ground: vec![SceneObject::of_one_level(ground)],
+        objects: vec![SceneObject::of_one_level(wall)],
+        bounds: [Vec3::new(-60.0, -60.0, 0.0), Vec3::new(300.0, 60.0, 10.0)],
+        ..SceneDescription::default()
+    }
+}
+
+/// Distance of the wall.
+const RED_WALL_M: f64 = 30.0;
+
+/// How red a point of the ground is, that mirrors a point of the wall so high.
+fn red(image: &Image, height_m: f64) -> f64 {
+    let wall_m = RED_WALL_M - 0.5;
+    let mirrored = DVec3::new(wall_m * EYE.z / (EYE.z + height_m), 0.0, 0.0);
+    let at = ahead().project(mirrored).expect("in view").round();
+    let pixels = (-1..=1).flat_map(|y| (-4..=4).map(move |x| (at.x as i32 + x, at.y as i32 + y)));
+    let pixels = pixels.map(|(x, y)| image.pixel(x as u32, y as u32));
+    pixels.map(|[red, green, ..]| f64::from(red) - f64::from(green)).sum::<f64>() / 27.0
+}
+
+#[test]
+fn ultra_mirrors_what_stands_behind_water_glass_and_a_wet_road() {
+    let Some(context) = software() else { return };
+    let ultra = Quality { shadow_texels: 1024, ..Quality::ULTRA };
+    let of = |surface, weather, quality| {
+        let settings = Settings { quality, weather, ..Settings::default() };
+        let scene = before_a_red_wall(surface);
+        let mut renderer = Renderer::new(&context, &scene, settings).expect("a renderer");
+        renderer.render(&FrameSnapshot::default(), &[ahead()]).expect("a picture").remove(0)
+    };
+    for (surface, weather, mirrors) in [
+        (Surface::Water, Weather::Clear, true),
+        (Surface::Glazing, Weather::Clear, true),
+        (Surface::Asphalt, Weather::Rain, true),
+        (Surface::Asphalt, Weather::Clear, false),
+    ] {
+        let [high, ultra] = [PRESETS[0], ultra].map(|quality| of(surface, weather, quality));
+        // Low on the wall, and above it, where the sky is mirrored.
+        let [low, above] = [1.5, 6.5].map(|height_m| red(&ultra, height_m) - red(&high, height_m));
+        assert_eq!(low > 8.0, mirrors, "{surface:?} {weather:?}: {low}");
+        assert!(above.abs() < 4.0 && (mirrors || low.abs() < 3.0), "{surface:?}: {low} {above}");
+    }
+}

@@ -1,0 +1,138 @@
+// Reflections in screen space: what a smooth surface mirrors of the picture itself replaces what the environment map has
+// there. A ray is marched through the depth buffer; see McGuire and Mara 2014, Efficient GPU Screen-Space Ray Tracing.
+
+// Steps of a ray across the picture, and halvings of the step that has found a surface.
+override reflection_steps: u32 = 64u;
+const HALVINGS: u32 = 6u;
+// Longest ray, metres.
+const REACH_M: f32 = 90.0;
+// Nearest depth that a ray may come to, metres.
+const NEAREST_M: f32 = 0.3;
+// A ray that passes farther behind a surface than this goes on behind it: metres, and per metre of depth.
+const THICKNESS_M: f32 = 0.35;
+const THICKNESS_PER_M: f32 = 0.02;
+// Rays fade out towards the edges of the picture, beyond which nothing is known, as a share of its extent.
+const EDGE: f32 = 0.12;
+// Weaker reflections are not seen.
+const LEAST: f32 = 0.004;
+
+// Tangents of half the field of view.
+fn half_field() -> vec2<f32> {
+    return vec2<f32>(length(view.camera_from_clip[0].xyz), length(view.camera_from_clip[1].xyz));
+}
+
+// Pixel of a point before the camera.
+fn pixel_of(point: vec3<f32>) -> vec2<f32> {
+    return (point.xy / (point.z * half_field()) * 0.5 + 0.5) * view.extent.xy;
+}
+
+// A ray between two points on the picture: distances along it are in shares of its length there.
+struct Ray {
+    pixels: array<vec2<f32>, 2>,
+    // Inverse depths, which are linear on the picture.
+    inverse: vec2<f32>,
+}
+
+fn pixel_on(ray: Ray, share: f32) -> vec2<i32> {
+    return vec2<i32>(mix(ray.pixels[0], ray.pixels[1], share));
+}
+
+fn depth_on(ray: Ray, share: f32) -> f32 {
+    return 1.0 / mix(ray.inverse.x, ray.inverse.y, share);
+}
+
+// How far a ray is behind the surface that the picture shows there, metres; negative before it.
+fn behind(place: TilePixel, ray: Ray, share: f32) -> f32 {
+    let seen = surface_at(place, pixel_on(ray, share));
+    if seen.depth <= 0.0 {
+        return -1e6;
+    }
+    return depth_on(ray, share) - seen.position.z;
+}
+
+fn is_surface(excess_m: f32, depth_m: f32) -> bool {
+    return excess_m > 0.0 && excess_m < THICKNESS_M + THICKNESS_PER_M * depth_m;
+}
+
+// Share of a ray at which it meets a surface; negative where it meets none.
+fn meets(place: TilePixel, ray: Ray) -> f32 {
+    var before = 0.0;
+    for (var k = 1u; k <= reflection_steps; k++) {
+        // Short steps at first: what is near is mirrored in detail.
+        let part = f32(k) / f32(reflection_steps);
+        let share = part * mix(part, 1.0, 0.4);
+        let excess = behind(place, ray, share);
+        // A long step may end far behind a surface that it has crossed.
+        let stride = abs(depth_on(ray, share) - depth_on(ray, before));
+        if excess > 0.0 && excess < THICKNESS_M + THICKNESS_PER_M * depth_on(ray, share) + stride {
+            var low = before;
+            var high = share;
+            for (var j = 0u; j < HALVINGS; j++) {
+                let middle = 0.5 * (low + high);
+                if behind(place, ray, middle) > 0.0 {
+                    high = middle;
+                } else {
+                    low = middle;
+                }
+            }
+            if is_surface(behind(place, ray, high), depth_on(ray, high)) {
+                return high;
+            }
+        }
+        before = share;
+    }
+    return -1.0;
+}
+
+fn mean_radiance(place: TilePixel, pixel: vec2<i32>) -> vec3<f32> {
+    let texel = texel_of(place, pixel);
+    let count = sample_count();
+    var sum = vec3<f32>(0.0);
+    for (var k = 0u; k < count; k++) {
+        sum += min(radiance_at(texel, k).rgb, vec3<f32>(40.0));
+    }
+    return sum / f32(count);
+}
+
+// What is added to the radiance of a pixel; alpha: reflectance of its first sample.
+@fragment
+fn fragment_main(in: Tile) -> @location(0) vec4<f32> {
+    let place = tile_pixel(in);
+    let mirror = mirror_at(place.origin + place.pixel, 0u);
+    let here = surface_at(place, place.pixel);
+    if mirror.a < LEAST || here.depth <= 0.0 {
+        return vec4<f32>(0.0);
+    }
+    let normal = normal_at(place, here);
+    let direction = reflect(normalize(here.position), normal);
+    // Off the surface, by more where a pixel spans more.
+    let start = here.position + normal * (0.02 + 0.002 * here.position.z);
+    // The ray ends before the camera.
+    var reach = REACH_M;
+    if direction.z < 0.0 {
+        reach = min(reach, (NEAREST_M - start.z) / direction.z);
+    }
+    let end = start + direction * reach;
+    let ray = Ray(array<vec2<f32>, 2>(pixel_of(start), pixel_of(end)), 1.0 / vec2<f32>(start.z, end.z));
+    // Only as far as the picture goes.
+    let run = ray.pixels[1] - ray.pixels[0];
+    let room = select(-ray.pixels[0], view.extent.xy - ray.pixels[0], run > vec2<f32>(0.0));
+    let shares = room / select(run, vec2<f32>(1e-3), abs(run) < vec2<f32>(1e-3));
+    let part = clamp(min(shares.x, shares.y), 0.0, 1.0);
+    let cut = Ray(
+        array<vec2<f32>, 2>(ray.pixels[0], mix(ray.pixels[0], ray.pixels[1], part)),
+        vec2<f32>(ray.inverse.x, mix(ray.inverse.x, ray.inverse.y, part)),
+    );
+    let share = meets(place, cut);
+    if share < 0.0 {
+        return vec4<f32>(0.0, 0.0, 0.0, mirror.a);
+    }
+    let found = pixel_on(cut, share);
+    let at = vec2<f32>(found) / view.extent.xy;
+    let inside = min(at, 1.0 - at) / EDGE;
+    // Of what faces the camera's back nothing is seen: such rays would mirror the front of things instead.
+    let forward = smoothstep(-0.35, 0.0, direction.z);
+    let fade = clamp(min(inside.x, inside.y), 0.0, 1.0) * forward;
+    let seen = mean_radiance(place, found);
+    return vec4<f32>(fade * (mirror.a * seen - mirror.rgb), mirror.a);
+}
