@@ -54,7 +54,10 @@ impl PastPlayer {
         match self.head {
             Some(head) => Playhead { from_s, to_s: end_s.max(from_s), ..head },
             None => {
-                let before_s = live.before.time_s;
+                // A step back leads to the last state that is kept.
+                let states = history.states();
+                let kept = states.partition_point(|state| state.time_s() < end_s - TIME_TOLERANCE_S);
+                let before_s = kept.checked_sub(1).map_or(from_s, |last| states[last].time_s());
                 Playhead { at_s: end_s, before_s, ..Playhead::new(from_s, end_s) }
             }
         }

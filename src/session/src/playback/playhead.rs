@@ -21,7 +21,7 @@ pub enum PlaybackCommand {
     },
     /// Moves to the recorded snapshot nearest to a time; playback goes on from there.
     Seek(f64),
-    /// Moves to the first recorded snapshot not before a time: the one that shows an event of that time.
+    /// Moves to the first recorded snapshot not before a time, the one that shows an event of that time, and pauses.
     Show(f64),
     /// Sets the speed as a multiple of real time.
     Speed(f64),
@@ -117,7 +117,10 @@ impl Playhead {
                 Some(if forward { SeekTarget::After(self.at_s) } else { SeekTarget::Before(self.at_s) })
             }
             PlaybackCommand::Seek(time_s) => Some(SeekTarget::Nearest(within(time_s))),
-            PlaybackCommand::Show(time_s) => Some(SeekTarget::NotBefore(within(time_s))),
+            PlaybackCommand::Show(time_s) => {
+                self.is_playing = false;
+                Some(SeekTarget::NotBefore(within(time_s)))
+            }
             PlaybackCommand::Live => Some(SeekTarget::Nearest(self.to_s)),
             PlaybackCommand::Speed(speed) => {
                 let [slowest, .., fastest] = SPEEDS;
@@ -225,8 +228,10 @@ mod tests {
         let mut head = Playhead::new(1.0, 5.0);
         head.apply(PlaybackCommand::Play);
         assert_eq!(head.apply(PlaybackCommand::Seek(99.0)), Some(SeekTarget::Nearest(5.0)));
-        assert_eq!(head.apply(PlaybackCommand::Show(-1.0)), Some(SeekTarget::NotBefore(1.0)));
         assert!(head.is_playing, "a jump goes on playing");
+        assert_eq!(head.apply(PlaybackCommand::Show(-1.0)), Some(SeekTarget::NotBefore(1.0)));
+        assert!(!head.is_playing, "an event is looked at");
+        head.apply(PlaybackCommand::Play);
         assert_eq!(head.apply(PlaybackCommand::Step { forward: false }), Some(SeekTarget::Before(1.0)));
         assert!(!head.is_playing);
     }

@@ -5,7 +5,7 @@ use super::inflow_totals::InflowObserver;
 use crate::measures::TrafficMeasures;
 use crate::scenario::{Experiment, PlannedVehicle};
 use city3d_control::Mainframe;
-use city3d_estimation::STANDS_MPS;
+use city3d_estimation::{MotionSample, StandstillChange, StandstillDetector};
 use city3d_geometry::{OrientedRect, trig};
 use city3d_protocol::snapshot::{
     Dimensions, Event, EventKind, FrameSnapshot, Status, VehicleId, VehicleInfo, VehicleState,
@@ -103,7 +103,9 @@ struct RouteProgress {
     wheelbase_m: f64,
     length_m: f64,
     width_m: f64,
-    stands_since_s: Option<f64>,
+    stand: StandstillDetector,
+    /// Longest of the stands that have ended.
+    longest_ended_s: f64,
     totals: VehicleTotals,
 }
 
@@ -304,7 +306,8 @@ impl RouteProgress {
             wheelbase_m: size.wheelbase_m,
             length_m: size.length_m,
             width_m: size.width_m,
-            stands_since_s: None,
+            stand: StandstillDetector::default(),
+            longest_ended_s: 0.0,
             totals: VehicleTotals {
                 axle_s: 0.0,
                 lateral_error_sum_m: 0.0,
@@ -334,7 +337,7 @@ impl RouteProgress {
     fn leave(&mut self) {
         self.totals.has_left = true;
         self.route = Vec::new();
-        (self.index, self.stands_since_s) = (0, None);
+        (self.index, self.stand) = (0, StandstillDetector::default());
     }
 
     fn time_stand(&mut self, state: &VehicleState, time_s: f64) {
@@ -343,11 +346,18 @@ impl RouteProgress {
             return;
         }
         // Who has arrived waits for nothing.
-        if state.speed_mps.abs() < STANDS_MPS && state.status != Status::Finished {
-            let since_s = *self.stands_since_s.get_or_insert(time_s);
+        if state.status == Status::Finished {
+            self.stand = StandstillDetector::default();
+            return;
+        }
+        // As the events tell it.
+        let seen = MotionSample::exact(state.speed_mps, state.position.truncate());
+        if let Some(StandstillChange::MovedOff { stood_s }) = self.stand.update(time_s, &seen) {
+            self.longest_ended_s = self.longest_ended_s.max(stood_s);
+            self.totals.longest_stand_s = self.longest_ended_s;
+        }
+        if let Some(since_s) = self.stand.since_s().filter(|_| !self.stand.is_moving_off()) {
             self.totals.longest_stand_s = self.totals.longest_stand_s.max(time_s - since_s);
-        } else {
-            self.stands_since_s = None;
         }
     }
 
@@ -424,6 +434,28 @@ impl RouteProgress {
 mod tests {
     use super::*;
     use city3d_protocol::snapshot::VehicleSpec;
+
+    #[test]
+    fn a_stand_lasts_as_the_events_tell_it() {
+        let mut progress = RouteProgress::new(VehicleId(1), "car", &VehicleSpec::default().dimensions);
+        let mut x = 0.0;
+        // It comes, stands, creeps forward below the upper threshold, stands on, and goes.
+        for tick in 0..3000 {
+            let time_s = f64::from(tick) * 0.01;
+            let speed_mps = match time_s {
+                ..5.0 => 5.0,
+                12.0..12.3 => 0.3,
+                20.0.. => 3.0,
+                _ => 0.0,
+            };
+            x += speed_mps * 0.01;
+            let position = glam::DVec3::new(x, 0.0, 0.0);
+            let state = VehicleState { speed_mps, position, ..VehicleState::default() };
+            progress.time_stand(&state, time_s);
+        }
+        let stood_s = progress.totals.longest_stand_s;
+        assert!((stood_s - 15.0).abs() < 0.02, "a moment of creeping does not end it: {stood_s}");
+    }
 
     #[test]
     fn who_has_arrived_stands_no_longer() {

@@ -305,8 +305,8 @@ pub fn collision_remark(seen: &FrameSnapshot, mark: &TimelineMark) -> Option<Str
 }
 
 /// When the event of moving off is, beside the time that it tells.
-const STOOD: &str = "It stood from when it was below 0.1 m/s until it was faster than 0.4 m/s. The event is a little later, when it had left \
-                     its place, and \"standstill\" is when it was certain to stand";
+const STOOD: &str = "It stood from when it was below 0.1 m/s until it was faster than 0.4 m/s and went away: who is pushed by less than 25 cm stands \
+                     still. The event is a little later, when it had left its place, and \"standstill\" is when it was certain to stand";
 
 /// A tip of an event, with what its times mean, or its collision to a vehicle of the laboratory.
 fn with_remark(shown: &ViewModel<'_>, mark: &TimelineMark, tip: &str) -> String {

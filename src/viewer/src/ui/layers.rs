@@ -92,28 +92,28 @@ pub fn show(ui: &mut Ui, state: &mut UiState) {
     ui.horizontal_top(|ui| {
         ui.vertical(|ui| {
             ui.strong("Roads");
-            ui.checkbox(&mut layers.lanes, "Lanes");
-            ui.checkbox(&mut layers.zones, "Conflict zones");
-            ui.checkbox(&mut layers.control_zones, "Control zones");
-            ui.checkbox(&mut layers.routes, "Route of the selected vehicle");
-            ui.checkbox(&mut layers.all_routes, "Routes of all vehicles");
+            layer(ui, &mut layers.lanes, "Lanes", "Centre lines of all lanes");
+            layer(ui, &mut layers.zones, "Conflict zones", "Parts of lanes where vehicles on two of them could touch: crossings and merges");
+            layer(ui, &mut layers.control_zones, "Control zones", "Junctions with the road before them, where vehicles are coordinated and delays are measured");
+            layer(ui, &mut layers.routes, "Route of the selected vehicle", "The lanes that it is to follow, up to the end of its route");
+            layer(ui, &mut layers.all_routes, "Routes of all vehicles", "The lanes that each is to follow, beside one another");
             ui.add_space(6.0);
             ui.strong("View");
             ui.checkbox(&mut layers.map, map);
-            ui.checkbox(&mut layers.legend, "Legend");
-            ui.checkbox(&mut layers.rulers, "Scale, north, place under the mouse");
+            layer(ui, &mut layers.legend, "Legend", "What the colours of the layers mean");
+            layer(ui, &mut layers.rulers, "Scale, north, place under the mouse", "A scale bar, the direction of north, and coordinates and lane under the pointer");
         });
         ui.separator();
         ui.vertical(|ui| {
             ui.strong("Vehicles");
             ui.checkbox(&mut layers.labels, labels);
-            ui.checkbox(&mut layers.boxes, "Boxes");
-            ui.checkbox(&mut layers.tracks, "Driven paths");
-            ui.checkbox(&mut layers.path, "Way ahead");
-            ui.checkbox(&mut layers.gaps, "Gaps and headways");
-            ui.checkbox(&mut layers.plans, "Plans of coordinated vehicles");
-            ui.checkbox(&mut layers.measured, "Measured against true pose");
-            ui.checkbox(&mut layers.frusta, "What cameras see");
+            layer(ui, &mut layers.boxes, "Boxes", "3D boxes around all vehicles");
+            layer(ui, &mut layers.tracks, "Driven paths", "Where vehicles have been in the last 20 s");
+            layer(ui, &mut layers.path, "Way ahead", "The next 6 s of its route at the present speed, with a dot for each second");
+            layer(ui, &mut layers.gaps, "Gaps and headways", "From bumper to bumper to the vehicle ahead, in metres and seconds");
+            layer(ui, &mut layers.plans, "Plans of coordinated vehicles", "Where a coordinated vehicle will be at which time, as was agreed before it came into its control zone");
+            layer(ui, &mut layers.measured, "Measured against true pose", "The outline where motion capture has measured it last, beside the true one");
+            layer(ui, &mut layers.frusta, "What cameras see", "The fields of view of the cameras that the scenario gives to vehicles");
             ui.add_space(6.0);
             ui.strong("Colour of vehicles");
             ui.horizontal(|ui| {
@@ -123,6 +123,11 @@ pub fn show(ui: &mut Ui, state: &mut UiState) {
             });
         });
     });
+}
+
+/// A switch of a layer, with what it shows.
+fn layer(ui: &mut Ui, is_on: &mut bool, name: &str, tip: &str) {
+    ui.checkbox(is_on, name).on_hover_text(tip);
 }
 
 /// Where a view shows a point of the city in a rectangle of the screen; `None` behind the camera.

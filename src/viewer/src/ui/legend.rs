@@ -120,6 +120,10 @@ fn colours(state: &UiState, shown: &ViewModel<'_>) -> Vec<LegendLine> {
 
 const ROW: f32 = 14.0;
 const FONT_SIZE: f32 = 11.0;
+/// Between the legend and what is beside it, points.
+const BESIDE: f32 = 12.0;
+/// Width that a text is given where there is hardly any room, points.
+const LEAST_TEXT: f32 = 110.0;
 const TEXT: Color32 = Color32::from_gray(235);
 const GROUND: Color32 = Color32::from_black_alpha(175);
 /// Width of the title with the number of lines, points.
@@ -136,12 +140,13 @@ pub fn show(ui: &Ui, rect: Rect, state: &mut UiState, shown: &ViewModel<'_>) {
         return;
     }
     let painter = ui.painter_at(rect);
-    let drawn = DrawnLegend::of(&painter, &lines);
+    let corner = rect.left_top() + Vec2::new(14.0, 44.0);
+    let room = if state.layers.map { super::map::beside(rect) } else { rect };
+    let drawn = DrawnLegend::of(&painter, &lines, room.right() - corner.x - BESIDE);
     // By itself it covers little of the view; whoever opens or folds it finds it so again.
     let has_room = drawn.size.x < 0.4 * rect.width() && drawn.size.y < 0.25 * rect.height();
     let is_folded = !state.layers.is_legend_open.unwrap_or(has_room);
     let size = if is_folded { Vec2::new(TITLE_WIDTH, ROW) } else { drawn.size };
-    let corner = rect.left_top() + Vec2::new(14.0, 44.0);
     let ground = Rect::from_min_size(corner, size);
     painter.rect_filled(ground.expand(6.0), 4.0, GROUND);
     if !is_folded {
@@ -168,26 +173,36 @@ struct DrawnLegend {
 }
 
 impl DrawnLegend {
-    fn of(painter: &Painter, lines: &[LegendLine]) -> Self {
+    /// Texts that are wider than there is room take several lines.
+    fn of(painter: &Painter, lines: &[LegendLine], room: f32) -> Self {
         let font = FontId::proportional(FONT_SIZE);
-        let texts: Vec<_> =
-            lines.iter().map(|line| painter.layout_no_wrap(line.text.clone(), font.clone(), TEXT)).collect();
         let has_scale = lines.iter().any(|line| matches!(line.mark, LegendMark::Scale));
         let mark = if has_scale { MARK_WITH_SCALE } else { MARK };
+        let widest = (room - mark).max(LEAST_TEXT);
+        let text = |line: &LegendLine| painter.layout(line.text.clone(), font.clone(), TEXT, widest);
+        let texts: Vec<_> = lines.iter().map(text).collect();
         let width = texts.iter().map(|text| text.size().x).fold(0.0, f32::max) + mark;
-        let size = Vec2::new(width.max(TITLE_WIDTH), ROW * (lines.len() + 1) as f32);
+        let height = ROW + texts.iter().map(|text| height_of(text)).sum::<f32>();
+        let size = Vec2::new(width.max(TITLE_WIDTH), height);
         Self { texts, mark, size }
     }
 
     /// Paints the lines below the title.
     fn paint(self, painter: &Painter, corner: Pos2, lines: &[LegendLine]) {
-        for (row, (line, text)) in lines.iter().zip(self.texts).enumerate() {
-            let left = corner + Vec2::new(0.0, ROW * (row as f32 + 1.5));
+        let mut top = corner.y + ROW;
+        for (line, text) in lines.iter().zip(self.texts) {
+            let left = Pos2::new(corner.x, top + height_of(&text) / 2.0);
+            top += height_of(&text);
             paint_mark(painter, (left, left + Vec2::new(self.mark - 8.0, 0.0)), line.mark);
             let place = Align2::LEFT_CENTER.anchor_size(left + Vec2::new(self.mark, 0.0), text.size());
             painter.galley(place.min, text, Color32::WHITE);
         }
     }
+}
+
+/// Height of the lines of a text, points.
+fn height_of(text: &Galley) -> f32 {
+    ROW * text.rows.len().max(1) as f32
 }
 
 fn paint_mark(painter: &Painter, (left, right): (Pos2, Pos2), mark: LegendMark) {

@@ -62,7 +62,7 @@ pub use events::{EventFilter, announcement, collision_remark, event_words};
 pub use key_page::KeyPage;
 pub use layers::Layers;
 pub use layout::{Layout, StoredLayout};
-pub use live_traffic::LiveTraffic;
+pub use live_traffic::{LiveTraffic, TRACKS_KNOWN_S};
 pub use look::{Look, QualityPreset};
 pub use measure::Measure;
 pub use palette::Palette;

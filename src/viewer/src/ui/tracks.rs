@@ -1,7 +1,8 @@
 //! What vehicles have done of late: their driven paths, and how long they have been standing.
 
-use city3d_protocol::snapshot::{FrameSnapshot, Status, VehicleId};
+use city3d_protocol::snapshot::{Status, VehicleId, VehicleState};
 use glam::DVec2;
+use std::borrow::Cow;
 use std::collections::{BTreeMap, VecDeque};
 
 /// Time span of a driven path, simulated seconds.
@@ -24,6 +25,7 @@ pub struct TrackPoint {
 #[derive(Clone, Debug, Default)]
 struct Track {
     points: VecDeque<TrackPoint>,
+    seen_s: f64,
     stands_since_s: Option<f64>,
 }
 
@@ -35,12 +37,12 @@ pub struct Tracks {
 }
 
 impl Tracks {
-    /// Takes the next snapshot, in order of time.
-    pub fn observe(&mut self, snapshot: &FrameSnapshot) {
-        self.now_s = snapshot.time_s;
-        self.of.retain(|id, _| snapshot.vehicle(*id).is_some());
-        for state in &snapshot.vehicles {
+    /// Takes the next vehicles of the city, in order of time.
+    pub fn observe<'v>(&mut self, time_s: f64, vehicles: impl Iterator<Item = Cow<'v, VehicleState>>) {
+        self.now_s = time_s;
+        for state in vehicles {
             let track = self.of.entry(state.id).or_default();
+            track.seen_s = time_s;
             // Who is not measured may be anywhere: whether it stands is not known.
             if state.status == Status::Unseen {
                 track.stands_since_s = None;
@@ -57,6 +59,8 @@ impl Tracks {
                 track.points.pop_front();
             }
         }
+        // Who has left the city has no path.
+        self.of.retain(|_, track| track.seen_s == time_s);
     }
 
     /// The driven path of a vehicle, in order of time.
@@ -74,13 +78,12 @@ impl Tracks {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use city3d_protocol::snapshot::VehicleState;
     use glam::DVec3;
 
-    fn at(time_s: f64, x: f64, speed_mps: f64) -> FrameSnapshot {
+    fn see(tracks: &mut Tracks, time_s: f64, x: f64, speed_mps: f64) {
         let position = DVec3::new(x, 0.0, 0.0);
         let vehicle = VehicleState { id: VehicleId(1), speed_mps, position, ..VehicleState::default() };
-        FrameSnapshot { time_s, vehicles: vec![vehicle], ..FrameSnapshot::default() }
+        tracks.observe(time_s, std::iter::once(Cow::Owned(vehicle)));
     }
 
     #[test]
@@ -88,14 +91,14 @@ mod tests {
         let mut tracks = Tracks::default();
         for second in 0..60 {
             let time_s = f64::from(second);
-            tracks.observe(&at(time_s, 5.0 * time_s, 5.0));
+            see(&mut tracks, time_s, 5.0 * time_s, 5.0);
         }
         let path: Vec<TrackPoint> = tracks.path(VehicleId(1)).collect();
         assert_eq!((path[0].time_s, path[path.len() - 1].position.x), (39.0, 295.0));
         assert_eq!(tracks.waits_s(VehicleId(1)), 0.0);
-        (60..66).for_each(|second| tracks.observe(&at(f64::from(second), 295.0, 0.0)));
+        (60..66).for_each(|second| see(&mut tracks, f64::from(second), 295.0, 0.0));
         assert_eq!(tracks.waits_s(VehicleId(1)), 5.0);
-        tracks.observe(&FrameSnapshot::default());
+        tracks.observe(66.0, std::iter::empty());
         assert_eq!(tracks.path(VehicleId(1)).count(), 0);
     }
 }

@@ -28,6 +28,9 @@ pub(super) fn show(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>) {
     });
 }
 
+/// What measures of a log are, beside those of its run.
+const OF_LOG: &str = "A log has some states a second, and the run was measured at every step: counts, and integrals of accelerations, may be slightly smaller here than in its summary";
+
 /// Measures of a log whose time differs by more from the shown time are those of another time, seconds.
 const LATE_S: f64 = 2.0;
 
@@ -60,7 +63,12 @@ fn is_known(ui: &mut Ui, shown: &ViewModel<'_>) -> bool {
         let text = format!("Live, at {until} s: not of the past that is shown, {of_shown} s.");
         ui.label(RichText::new(text).strong().color(ui.visuals().warn_fg_color));
     }
-    note(ui, format!("Measured from {} s to {until} s.", decimal.fixed(since_s, 1)));
+    let from = if shown.replay.is_some() { " from the log" } else { "" };
+    let text = format!("Measured{from} from {} s to {until} s.", decimal.fixed(since_s, 1));
+    let label = ui.label(RichText::new(text).small().weak());
+    if shown.replay.is_some() {
+        label.on_hover_text(OF_LOG);
+    }
     true
 }
 
@@ -132,7 +140,9 @@ fn flow(ui: &mut Ui, traffic: &LiveTraffic) {
             ui.end_row();
             for (k, column) in COLUMNS[1..].iter().enumerate() {
                 title(ui, *column);
-                rows.iter().for_each(|row| _ = ui.monospace(&row.cells(decimal)[k]));
+                for row in &rows {
+                    ui.monospace(&row.cells(decimal)[k]).on_hover_text(column.1);
+                }
                 ui.end_row();
             }
             return;
@@ -141,7 +151,9 @@ fn flow(ui: &mut Ui, traffic: &LiveTraffic) {
         ui.end_row();
         for row in &rows {
             name(ui, row);
-            row.cells(decimal).iter().for_each(|cell| _ = ui.monospace(cell));
+            for (cell, (_, tip)) in row.cells(decimal).iter().zip(&COLUMNS[1..]) {
+                ui.monospace(cell).on_hover_text(*tip);
+            }
             ui.end_row();
         }
     });
@@ -157,8 +169,12 @@ fn is_narrow(ui: &Ui) -> bool {
 /// What measures are that the card of a finished run has, too.
 pub(super) const FLOW: &str = "Exits after the first one over the time since it, vehicles an hour; none of fewer than two after the warm-up";
 pub(super) const DELAY: &str = "Mean time lost against driving alone, with the time held outside";
+pub(super) const MEAN_SPEED: &str = "Distance over the time in the city, mean over the vehicles: one that has arrived and stays there slows it, the longer the run goes on";
+pub(super) const LONGEST_STAND: &str = "Of any vehicle on its way, as the events tell it: from below 0.1 m/s until it was faster than 0.4 m/s and went away. Who has arrived does not count";
 pub(super) const SLOW_STOPS: &str = "Slow stops (< 0.5 m/s)";
 pub(super) const STOPS: &str = "How often vehicles on their routes became slower than 0.5 m/s, also where these end. Whoever has left its route, as a person may, does not count. Events \"standstill\" are those below 0.1 m/s, of everybody";
+
+const QUEUE: &str = "Vehicles on their way, also collided ones, that became slower than 0.5 m/s and have not been faster than 1 m/s since";
 
 const COLUMNS: [(&str, &str); 10] = [
     ("", ""),
@@ -168,8 +184,8 @@ const COLUMNS: [(&str, &str); 10] = [
     ("Delay (s)", DELAY),
     ("Most (s)", "Largest delay"),
     (SLOW_STOPS, STOPS),
-    ("Queue now", "Vehicles that are stopped now"),
-    ("Queue, mean", "Vehicles that are stopped, mean over time"),
+    ("Queue now", QUEUE),
+    ("Queue, mean", "The same, mean over time"),
     (
         "Queue, most",
         "The most vehicles that were stopped at a time, also before they moved off for the first time",
@@ -202,7 +218,12 @@ fn safety_and_energy(ui: &mut Ui, traffic: &LiveTraffic, units: SpeedUnit) {
         Some(value) => of(value, unit),
         None => "-".to_owned(),
     };
-    let drac = Some(scale.city_from_lab(safety.max_drac_mps2)).filter(|drac| drac.is_finite());
+    let drac = match scale.city_from_lab(safety.max_drac_mps2) {
+        // Where they touch no braking would have been enough.
+        drac if drac.is_infinite() => "no braking: they touched".to_owned(),
+        drac if drac > 0.0 => of(drac, "m/s\u{b2}"),
+        _ => "none so far".to_owned(),
+    };
     let mean_speed = measures.mean_speed_now_mps();
     let mean_speed = mean_speed.map(|mps| units.number(mps, scale, decimal));
     let cells = [
@@ -226,7 +247,7 @@ fn safety_and_energy(ui: &mut Ui, traffic: &LiveTraffic, units: SpeedUnit) {
         ),
         (
             "Most braking needed",
-            drac.map_or_else(|| "none so far".to_owned(), |drac| of(drac, "m/s\u{b2}")),
+            drac,
             "DRAC: the least deceleration that avoids a crash with the vehicle ahead; none while nobody comes nearer to another",
         ),
         (
@@ -254,7 +275,7 @@ fn safety_and_energy(ui: &mut Ui, traffic: &LiveTraffic, units: SpeedUnit) {
         for pair in cells.chunks(if is_narrow(ui) { 1 } else { 2 }) {
             for (name, value, tip) in pair {
                 ui.label(*name).on_hover_text(*tip);
-                ui.monospace(value);
+                ui.monospace(value).on_hover_text(*tip);
             }
             ui.end_row();
         }

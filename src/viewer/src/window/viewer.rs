@@ -21,8 +21,8 @@ use super::{CitySubject, WindowError};
 use crate::cockpit::SteeringGeometry;
 use crate::ui::runs::{RunsView, StartLists};
 use crate::ui::{
-    self, CityKind, KEPT_S, LiveTraffic, Look, PastView, PictureSlot, ReplayView, ScenarioChoice, UiAction,
-    UiState, VideoRequest, VideoStatus, ViewModel,
+    self, CityKind, ColourBy, KEPT_S, LiveTraffic, Look, PastView, PictureSlot, ReplayView, ScenarioChoice,
+    TRACKS_KNOWN_S, UiAction, UiState, VideoRequest, VideoStatus, ViewModel,
 };
 use city3d_logbook::record::LogOrigin;
 use city3d_protocol::snapshot::{FrameSnapshot, VehicleId, VehicleSpec};
@@ -330,14 +330,16 @@ impl ViewerState {
 
     /// Samples the traffic, and takes the past states that have come since for plots and charts.
     pub fn record_samples(&mut self, run_state: &RunState) {
-        self.traffic.observe(&run_state.now);
         self.traffic.take(run_state.traffic.as_ref());
         match &mut self.source {
             ViewedRun::Run(_) | ViewedRun::Ended(_) => self.history.read(&run_state.history),
             ViewedRun::Log(player) => {
                 // No more of a log is read than is shown.
+                let layers = &self.state.layers;
+                let shows_tracks = layers.tracks || layers.colour == ColourBy::Waiting;
                 let past_s = match (self.state.open.charts, self.state.previews.is_empty()) {
                     (true, _) => f64::INFINITY,
+                    _ if shows_tracks => TRACKS_KNOWN_S,
                     (false, false) => KEPT_S,
                     (false, true) => 0.0,
                 };
@@ -345,6 +347,7 @@ impl ViewerState {
                 player.show_traffic(self.state.open.traffic);
             }
         }
+        self.traffic.observe(&run_state.now, &self.history);
         if self.state.open.charts {
             self.figures.update(&self.state.charts, self.state.selection.vehicle, &self.history);
         }

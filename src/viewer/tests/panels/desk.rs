@@ -211,7 +211,7 @@ impl Desk {
 
     fn show(&mut self, ui: &mut egui::Ui) {
         self.history.push(&self.run_state.now);
-        self.traffic.observe(&self.run_state.now);
+        self.traffic.observe(&self.run_state.now, &self.history);
         self.traffic.take(self.run_state.traffic.as_ref());
         let actions = self.see(|state, shown| ui::show(ui, state, shown));
         self.actions.extend(actions);

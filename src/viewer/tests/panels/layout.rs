@@ -318,6 +318,46 @@ fn a_panel_over_the_city_gives_way_to_one_that_opens_beneath_it() {
 }
 
 #[test]
+fn every_layer_says_what_it_shows() {
+    let mut harness = with(2);
+    harness.state_mut().state.open.layers = true;
+    harness.run_steps(4);
+    for (layer, tip) in [("Way ahead", "The next 6 s of its route"), ("Driven paths", "in the last 20 s")] {
+        let at = harness.get_by_label(layer).rect().center();
+        harness.hover_at(at);
+        harness.run_steps(20);
+        assert!(harness.query_by_label_contains(tip).is_some(), "{layer}");
+    }
+}
+
+#[test]
+fn a_long_legend_keeps_beside_the_map() {
+    let mut desk = Desk::with(fleet(3));
+    desk.state.selection.vehicle = Some(VehicleId(1));
+    desk.state.preferences.scale = 1.5;
+    (desk.state.layers.tracks, desk.state.layers.zones, desk.state.layers.gaps) = (true, true, true);
+    desk.state.layers.is_legend_open = Some(true);
+    let mut harness = harness(desk);
+    harness.run_steps(8);
+    let city = place(&harness);
+    let texts: Vec<Rect> = harness
+        .output()
+        .shapes
+        .iter()
+        .filter_map(|clipped| match &clipped.shape {
+            Shape::Text(text) if text.galley.text().contains("the last 20 s") => {
+                Some(Rect::from_min_size(text.pos, text.galley.size()))
+            }
+            _ => None,
+        })
+        .collect();
+    assert_eq!(texts.len(), 2);
+    for text in texts {
+        assert!(text.right() <= city.right(), "{text:?} in {city:?}");
+    }
+}
+
+#[test]
 fn entries_at_the_edge_of_a_list_do_not_look_disabled() {
     let harness = with(6);
     assert_eq!(harness.ctx.global_style().spacing.scroll.fade.strength, 0.0);

@@ -7,10 +7,8 @@ use crate::ui::runs::FilePurpose;
 use crate::ui::{UiAction, UiState, ViewModel};
 use egui::{Button, RichText, ScrollArea, Ui};
 
-/// Height of the list of problems, and of the line in its place where there are none, points. It is below the form, so
-/// that no field moves when a problem comes.
-const PROBLEMS_HEIGHT: f32 = 96.0;
-const NO_PROBLEMS_HEIGHT: f32 = 22.0;
+/// Height of the list of problems, whether there are any or not, so that no field moves when one comes, points. It scrolls.
+const PROBLEMS_HEIGHT: f32 = 64.0;
 
 /// Shows the editor.
 pub fn show(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>, actions: &mut Vec<UiAction>) {
@@ -21,9 +19,7 @@ pub fn show(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>, actions: &m
     tools(ui, state, edit, actions);
     ui.separator();
     let detours = state.editing.detours.names(shown.map, edit).to_vec();
-    let has_some = !edit.problems.is_empty() || !edit.warnings.is_empty() || !detours.is_empty();
-    let problems_height = if has_some { PROBLEMS_HEIGHT } else { NO_PROBLEMS_HEIGHT };
-    let problems_height = problems_height.min(ui.available_height() / 3.0);
+    let problems_height = PROBLEMS_HEIGHT.min(ui.available_height() / 3.0);
     let separator_height = 2.0 * ui.spacing().item_spacing.y + 6.0;
     let form_height = ui.available_height() - problems_height - separator_height;
     let form = ScrollArea::vertical().id_salt("form").auto_shrink(false).max_height(form_height);

@@ -248,7 +248,9 @@ fn tip_of(quantity: &str) -> Option<&'static str> {
         "time in slow stops, all together" => {
             Some("From below 0.5 m/s until above 1 m/s, of vehicles on their routes, also where these end")
         }
+        "mean speed" => Some(traffic::MEAN_SPEED),
         "mean delay" => Some(traffic::DELAY),
+        "longest stand" => Some(traffic::LONGEST_STAND),
         "least time to collision" => {
             Some("Gap to the leader over the speed at which it closes (Hayward 1972); the least of the run")
         }

@@ -177,7 +177,7 @@ fn measures(shown: &ViewModel<'_>) -> Option<RunMeasures> {
 const STANDSTILLS: &str = "Standstills (< 0.1 m/s)";
 
 /// How long a vehicle stood at most.
-const LONGEST_STAND: &str = "Longest stand (< 0.1 m/s)";
+const LONGEST_STAND: &str = "Longest stand";
 
 /// What a measure is, in the words of the panel Traffic.
 fn tip_of(name: &str) -> Option<&'static str> {
@@ -187,12 +187,8 @@ fn tip_of(name: &str) -> Option<&'static str> {
             "How often vehicles stood before the end of their routes, or off these: the events \"standstill\" but \
                  for that of an arrival",
         ),
-        "Mean speed" => Some(
-            "Distance over the time in the city, mean over the vehicles: one that has arrived and stays slows it",
-        ),
-        LONGEST_STAND => Some(
-            "Of any vehicle on its way: faster than 0.1 m/s for a moment ends it, and who has arrived or has not moved yet does not count",
-        ),
+        "Mean speed" => Some(traffic::MEAN_SPEED),
+        LONGEST_STAND => Some(traffic::LONGEST_STAND),
         "Throughput" => Some(traffic::FLOW),
         "Mean delay" => Some(traffic::DELAY),
         _ => None,

@@ -347,6 +347,9 @@ impl ViewerState {
     }
 }
 
+/// Simulated times that differ by less are the same.
+const SAME_TIME_S: f64 = 0.5;
+
 /// What the reader of a comparison has to know: what the runs differ in, vehicles that a person has driven, and those that
 /// only one run has.
 pub(super) fn differences(
@@ -371,6 +374,11 @@ pub(super) fn differences(
     compare("simulated time", runs.map(|run| format!("{} s", decimal.fixed(run.simulated_s, 1))));
     if !differ.is_empty() {
         words.push(format!("They differ in {}.", differ.join(", ")));
+    }
+    if (present.simulated_s - other.simulated_s).abs() > SAME_TIME_S {
+        words.push(
+            "Mean speeds are over the whole of that time, also of vehicles that have arrived.".to_owned(),
+        );
     }
     for (letter, run) in ["A", "B"].iter().zip(runs) {
         let names = run.driven_by_hand();

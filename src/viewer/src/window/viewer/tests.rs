@@ -158,7 +158,7 @@ fn two_runs_are_told_apart_by_all_that_is_known_to_differ() {
     let first = run(1, "ideal", 30.0, false);
     assert_eq!(told(&first, &first), None);
     let expected = "They differ in seed (1, 7), environment (ideal, testbed), simulated time (30.0 s, 45.5 s). \
-                    Driven by hand in B: path1_a.";
+                    Mean speeds are over the whole of that time, also of vehicles that have arrived. Driven by hand in B: path1_a.";
     assert_eq!(told(&first, &run(7, "testbed", 45.5, true)).as_deref(), Some(expected));
     // A summary of an earlier version does not say its environment.
     assert_eq!(told(&first, &run(1, "", 30.0, false)), None);
