@@ -104,12 +104,16 @@ impl NearestSearch {
     }
 }
 
+impl Digest for PathNode {
+    fn digest(&self, hash: &mut StateHash) {
+        self.pose.digest(hash);
+        hash.number(self.station);
+    }
+}
+
 impl Digest for Path {
     fn digest(&self, hash: &mut StateHash) {
-        for node in &self.nodes {
-            node.pose.digest(hash);
-            hash.number(node.station);
-        }
+        hash.all(&self.nodes);
     }
 }
 
@@ -155,15 +159,25 @@ impl Path {
         node.station
     }
 
+    /// [`Self::push`], with the digest of what comes to the path: the processor works on both at once, for a digest is a chain
+    /// of multiplications that wait for each other.
+    pub(super) fn push_into(&mut self, pose: Pose2, hash: &mut StateHash) -> f64 {
+        let count = self.nodes.len();
+        let station = self.push(pose);
+        hash.all(self.nodes.get(count));
+        station
+    }
+
     /// Keeps the path between two stations, thinned out where it is dense.
     pub(super) fn keep(&mut self, from: f64, to: f64) {
         let (nodes, places) = (&mut self.nodes, &mut self.places);
+        // What lies ahead is most of a path and is not read.
+        let begin = places.iter().take_while(|place| place.station < from).count();
+        let count = places[begin..].iter().take_while(|place| place.station <= to).count();
         // Kept nodes move to the front. Most of them stay neighbours, and their spans as they are.
         let (mut kept, mut is_next) = (0, false);
-        for index in 0..nodes.len() {
-            let station = nodes[index].station;
-            let is_apart = kept == 0 || station - nodes[kept - 1].station > KEPT_SPACING_M;
-            let keeps = station >= from && station <= to && is_apart;
+        for index in begin..begin + count {
+            let keeps = kept == 0 || places[index].station - places[kept - 1].station > KEPT_SPACING_M;
             if keeps {
                 (nodes[kept], places[kept]) = (nodes[index], places[index]);
                 if kept > 0 && !is_next {
