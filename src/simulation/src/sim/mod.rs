@@ -223,7 +223,7 @@ impl World {
     fn follow_all(&mut self, trajectories: &[&Trajectory]) {
         let (time_s, timeout_s) = (self.time_s(), self.experiment.link_timeout_s);
         self.experiment.workers.each(&mut self.state.vehicles, |_, vehicle| {
-            follow_own(vehicle, trajectories, time_s, timeout_s)
+            follow_own(vehicle, trajectories, time_s, timeout_s);
         });
     }
 
