@@ -4,7 +4,7 @@ use super::{Frame, Pose2};
 use glam::DVec2;
 
 /// An oriented rectangle: the outline of a vehicle seen from above.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct OrientedRect {
     /// Metres of the frame.
     pub centre: DVec2,

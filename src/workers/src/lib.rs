@@ -134,6 +134,27 @@ impl Workers {
         );
     }
 
+    /// [`Self::each_of_two`] for three lists.
+    ///
+    /// # Panics
+    /// With lists of different lengths.
+    pub fn each_of_three<A: Send, B: Send, C: Send>(
+        &self,
+        (first, second, third): (&mut [A], &mut [B], &mut [C]),
+        work: impl Fn(usize, &mut A, &mut B, &mut C) + Sync,
+    ) {
+        assert_eq!([first.len(); 2], [second.len(), third.len()], "each item has its partners");
+        let jobs = first.chunks_mut(JOB).zip(second.chunks_mut(JOB)).zip(third.chunks_mut(JOB)).enumerate();
+        self.share(
+            jobs,
+            || (),
+            |(), (job, ((first, second), third))| {
+                let items = first.iter_mut().zip(second).zip(third).enumerate();
+                items.for_each(|(k, ((first, second), third))| work(job * JOB + k, first, second, third));
+            },
+        );
+    }
+
     /// The caller takes jobs from the front, the others from the back: in the next part of a step each finds most of what it
     /// had in its cache.
     fn share<I: DoubleEndedIterator + ExactSizeIterator + Send, B>(
@@ -238,14 +259,21 @@ mod tests {
                 let workers = workers(threads);
                 let mut items = vec![0; count];
                 let mut partners: Vec<usize> = (0..count).collect();
+                let mut thirds = partners.clone();
                 workers.at_hand(count, || {
                     workers.each(&mut items, |index, item| *item += index);
                     workers.each_of_two((&mut items, &mut partners), |index, item, partner| {
                         assert_eq!((*item, *partner), (index, index));
-                        *partner += *item;
                     });
+                    workers.each_of_three(
+                        (&mut items, &mut partners, &mut thirds),
+                        |index, item, partner, third| {
+                            assert_eq!((*item, *partner, *third), (index, index, index));
+                            *partner += *item + *third;
+                        },
+                    );
                 });
-                assert!(partners.iter().enumerate().all(|(index, partner)| *partner == 2 * index));
+                assert!(partners.iter().enumerate().all(|(index, partner)| *partner == 3 * index));
             }
         }
     }

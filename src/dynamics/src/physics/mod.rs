@@ -4,13 +4,15 @@
 //! units of `f32` precision, and its speed would be 1 % off. Physics is deterministic (rapier's
 //! `enhanced-determinism`); a clone or a deserialised copy continues with the same bits.
 
+mod free;
 mod solid;
+
+pub use free::FreeBody;
 
 use city3d_geometry::digest::{Digest, StateHash};
 use city3d_protocol::snapshot::GRAVITY_MPS2;
 use glam::{DQuat, DVec2, DVec3};
 use rapier3d_f64::math::{Pose, Rotation, Vector};
-use rapier3d_f64::parry::query::Ray;
 use rapier3d_f64::prelude::*;
 use serde::{Deserialize, Serialize};
 
@@ -32,8 +34,8 @@ pub struct Physics {
     impulse_joints: ImpulseJointSet,
     multibody_joints: MultibodyJointSet,
     soft_bodies: SoftBodySet,
-    /// Colliders that carry wheels, in the order of insertion.
-    ground: Vec<ColliderHandle>,
+    /// So many bodies are [free](FreeBody).
+    free: usize,
     #[serde(skip)]
     workspace: Workspace,
 }
@@ -137,6 +139,17 @@ impl Digest for BodyState {
 }
 
 impl BodyState {
+    fn of(pose: Pose, centre_of_mass: Vector, linear: Vector, angular: Vector) -> Self {
+        let q = pose.rotation;
+        Self {
+            position: dvec(pose.translation),
+            orientation: DQuat::from_xyzw(q.x, q.y, q.z, q.w).normalize(),
+            centre_of_mass: dvec(centre_of_mass),
+            velocity_mps: dvec(linear),
+            angular_velocity_radps: dvec(angular),
+        }
+    }
+
     /// Velocity of a point of the body, given in the city frame.
     pub fn velocity_at(&self, point: DVec3) -> DVec3 {
         self.velocity_mps + self.angular_velocity_radps.cross(point - self.centre_of_mass)
@@ -166,13 +179,13 @@ impl Physics {
             impulse_joints: ImpulseJointSet::new(),
             multibody_joints: MultibodyJointSet::new(),
             soft_bodies: SoftBodySet::new(),
-            ground: Vec::new(),
+            free: 0,
             workspace: Workspace::default(),
         };
         let plane = SharedShape::new(HalfSpace::new(Vector::Z));
         let ground =
             ColliderBuilder::new(plane).friction(0.5).collision_groups(groups(GROUND, CHASSIS)).build();
-        physics.ground.push(physics.colliders.insert(ground));
+        physics.colliders.insert(ground);
         physics
     }
 
@@ -238,7 +251,7 @@ impl Physics {
 
     /// Removes a body; a missing one is no error.
     pub fn remove(&mut self, body: BodyId) {
-        self.bodies.remove(
+        let removed = self.bodies.remove(
             body.0,
             &mut self.islands,
             &mut self.colliders,
@@ -247,19 +260,43 @@ impl Physics {
             &mut self.soft_bodies,
             true,
         );
+        if removed.is_some_and(|rigid| !rigid.is_enabled()) {
+            self.free -= 1;
+        }
     }
 
     /// `None` for a body that was removed.
     pub fn body(&self, body: BodyId) -> Option<BodyState> {
         let rigid = self.bodies.get(body.0)?;
-        let q = rigid.rotation();
-        Some(BodyState {
-            position: dvec(rigid.translation()),
-            orientation: DQuat::from_xyzw(q.x, q.y, q.z, q.w).normalize(),
-            centre_of_mass: dvec(rigid.center_of_mass()),
-            velocity_mps: dvec(rigid.linvel()),
-            angular_velocity_radps: dvec(rigid.angvel()),
-        })
+        Some(BodyState::of(*rigid.position(), rigid.center_of_mass(), rigid.linvel(), rigid.angvel()))
+    }
+
+    /// Lets a body go that nothing is near: until it is [held](Self::hold) again, it has no place here and others go through
+    /// it. `None` for a body that was removed or is free.
+    pub fn release(&mut self, body: BodyId) -> Option<FreeBody> {
+        let rigid = self.bodies.get_mut(body.0).filter(|rigid| rigid.is_enabled())?;
+        let free = FreeBody::of(rigid);
+        rigid.set_enabled(false);
+        self.free += 1;
+        Some(free)
+    }
+
+    /// Takes a body back that was free; one that was removed is no error.
+    pub fn hold(&mut self, body: BodyId, free: &FreeBody) {
+        let Some(rigid) = self.bodies.get_mut(body.0) else { return };
+        if !rigid.is_enabled() {
+            rigid.set_enabled(true);
+            self.free -= 1;
+        }
+        free.write_to(rigid);
+    }
+
+    /// Advances a free body by one step, as [`Self::impel`] and [`Self::step`] do where nothing is near. Whether it did: a
+    /// motion that is not finite is left to the physics.
+    pub fn advance(&self, free: &mut FreeBody, impetus: &Impetus) -> bool {
+        let Some(next) = free.after(impetus, self.gravity, &self.parameters) else { return false };
+        *free = next;
+        true
     }
 
     /// Lets an impetus act on a body; one that was removed is no error.
@@ -278,24 +315,21 @@ impl Physics {
         }
     }
 
-    /// Casts a ray to the ground. Other bodies and obstacles are ignored, so that a wheel does not hit its
-    /// own chassis.
-    pub fn cast_to_ground(&self, origin: DVec3, direction: DVec3, reach_m: f64) -> Option<GroundHit> {
-        let ray = Ray::new(vector(origin), vector(direction));
-        let mut nearest: Option<GroundHit> = None;
-        for collider in self.ground.iter().filter_map(|handle| self.colliders.get(*handle)) {
-            let reach = nearest.map_or(reach_m, |hit| hit.distance_m);
-            if let Some(hit) =
-                collider.shape().cast_ray_and_get_normal(collider.position(), &ray, reach, true)
-            {
-                nearest = Some(GroundHit { distance_m: hit.time_of_impact, normal: dvec(hit.normal) });
-            }
+    /// Casts a ray to the ground, the plane z = 0; nothing else stops it, so that a wheel does not hit its own chassis.
+    pub fn cast_to_ground(origin: DVec3, direction: DVec3, reach_m: f64) -> Option<GroundHit> {
+        if origin.z < 0.0 {
+            return Some(GroundHit { distance_m: 0.0, normal: DVec3::ZERO });
         }
-        nearest
+        let distance_m = -origin.z / direction.z;
+        let hits = distance_m >= 0.0 && distance_m <= reach_m;
+        hits.then_some(GroundHit { distance_m, normal: DVec3::Z })
     }
 
-    /// Advances all bodies by one step.
+    /// Advances all bodies by one step that are not free.
     pub fn step(&mut self) {
+        if self.free == self.bodies.len() {
+            return;
+        }
         self.workspace.pipeline.step(
             self.gravity,
             &self.parameters,
@@ -380,9 +414,9 @@ mod tests {
             }
             let x = physics.body(body).unwrap().position.x;
             assert!(x < 7.6, "{x}");
-            let hit = physics.cast_to_ground(DVec3::new(10.5, 0.0, 5.0), -DVec3::Z, 10.0).unwrap();
+            let hit = Physics::cast_to_ground(DVec3::new(10.5, 0.0, 5.0), -DVec3::Z, 10.0).unwrap();
             assert!((hit.distance_m - 5.0).abs() < 1e-6);
-            assert!(physics.cast_to_ground(DVec3::new(10.5, 0.0, 5.0), -DVec3::Z, 4.0).is_none());
+            assert!(Physics::cast_to_ground(DVec3::new(10.5, 0.0, 5.0), -DVec3::Z, 4.0).is_none());
         }
     }
 

@@ -1,10 +1,10 @@
 //! Kinematic bicycle model: no tyre slip, with motor, brakes and resistances of the specification. The
 //! reference point is the middle of the rear axle.
 
-use super::raycast::chassis;
+use super::chassis::{Chassis, collision_box};
 use super::wheels::{ackermann_headings, angle_of, pedal, steered};
 use super::{Actuation, Motion, VehicleModel, VehicleSpec};
-use crate::physics::{BodyId, Impetus, Physics};
+use crate::physics::{Impetus, Physics};
 use city3d_geometry::digest::{Digest, StateHash};
 use city3d_geometry::{Pose2, trig, wrap_angle};
 use city3d_protocol::snapshot::WheelState;
@@ -15,7 +15,7 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Bicycle {
     /// Kinematic body for collisions with other vehicles.
-    body: BodyId,
+    chassis: Chassis,
     rear: Pose2,
     speed_mps: f64,
     acceleration_mps2: f64,
@@ -32,14 +32,18 @@ impl Digest for Bicycle {
 }
 
 impl Bicycle {
-    pub(super) fn body(&self) -> BodyId {
-        self.body
+    pub(super) fn chassis(&self) -> &Chassis {
+        &self.chassis
+    }
+
+    pub(super) fn chassis_mut(&mut self) -> &mut Chassis {
+        &mut self.chassis
     }
 
     /// Spawns it on the road, rolling at `speed_mps`; `pose` is the middle of its outline.
     pub fn spawn(physics: &mut Physics, spec: &VehicleSpec, pose: Pose2, speed_mps: f64) -> Self {
         Self {
-            body: physics.add_guided_box(&chassis(spec, pose, speed_mps)),
+            chassis: Chassis::of(physics.add_guided_box(&collision_box(spec, pose, speed_mps))),
             rear: pose.advanced(-spec.dimensions.wheelbase_m / 2.0),
             speed_mps,
             acceleration_mps2: 0.0,
@@ -124,6 +128,6 @@ impl VehicleModel for Bicycle {
     }
 
     fn remove(&mut self, physics: &mut Physics) {
-        physics.remove(self.body);
+        physics.remove(self.chassis.body());
     }
 }

@@ -3,7 +3,7 @@
 //! Its motion comes from [`MotionFilter`], which estimates speeds from poses and predicts from the newest
 //! pose to the present (dead reckoning).
 
-use super::raycast::chassis;
+use super::chassis::collision_box;
 use super::wheels::{ackermann_headings, angle_of};
 use super::{Actuation, Motion, VehicleModel, VehicleSpec};
 use crate::physics::{BodyId, Impetus, Physics};
@@ -72,7 +72,7 @@ impl Measured {
     /// Spawns it at its expected pose; `pose` is the middle of its outline.
     pub fn spawn(physics: &mut Physics, spec: &VehicleSpec, pose: Pose2, scale: LengthScale) -> Self {
         Self {
-            body: physics.add_guided_box(&chassis(spec, pose, 0.0)),
+            body: physics.add_guided_box(&collision_box(spec, pose, 0.0)),
             filter: MotionFilter::new(NoiseModel::LABORATORY.to_city(scale)),
             odometer: Odometer::of_unknown_speed(),
             change: None,

@@ -6,6 +6,7 @@
 //! reads its motion back.
 
 mod bicycle;
+mod chassis;
 mod measured;
 mod path;
 mod pedals;
@@ -14,6 +15,7 @@ mod tracker;
 mod wheels;
 
 pub use bicycle::Bicycle;
+pub use chassis::clears_ground;
 pub use city3d_protocol::snapshot::{
     CentreOfMass, ControlGains, Drive, GRAVITY_MPS2, ModelKind, Motor, SpecError, Suspension, TorquePoint,
     VehicleSpec,
@@ -24,7 +26,8 @@ pub use raycast::RaycastCar;
 pub use tracker::{Tracker, Tracking, throttle_for_acceleration};
 pub use wheels::set_wheels;
 
-use crate::physics::{BodyId, Impetus, Physics};
+use crate::physics::{BodyId, BodyState, Impetus, Physics};
+use chassis::Chassis;
 use city3d_geometry::digest::{Digest, StateHash};
 use city3d_geometry::{LengthScale, Pose2, trig};
 use city3d_protocol::snapshot::WheelState;
@@ -129,9 +132,63 @@ impl Dynamics {
     /// What others run into.
     pub fn body(&self) -> BodyId {
         match self {
-            Self::Raycast(car) => car.body(),
-            Self::Bicycle(bicycle) => bicycle.body(),
+            Self::Raycast(car) => car.chassis().body(),
+            Self::Bicycle(bicycle) => bicycle.chassis().body(),
             Self::Measured(measured) => measured.body(),
+        }
+    }
+
+    /// Pose and velocity of its body; `None` where the physics does not have it.
+    pub fn body_state(&self, physics: &Physics) -> Option<BodyState> {
+        match self {
+            Self::Raycast(car) => car.chassis().state(physics),
+            Self::Bicycle(bicycle) => bicycle.chassis().state(physics),
+            Self::Measured(measured) => physics.body(measured.body()),
+        }
+    }
+
+    /// Whether others that run into it move it. The others push them away.
+    pub fn gives_way(&self) -> bool {
+        matches!(self, Self::Raycast(_))
+    }
+
+    /// Whether its body moves [by itself](Physics::release).
+    pub fn is_free(&self) -> bool {
+        self.chassis().is_some_and(Chassis::is_free)
+    }
+
+    /// Lets its body move by itself while nothing is near; that of a physical vehicle never does.
+    pub fn release(&mut self, physics: &mut Physics) {
+        if let Some(chassis) = self.chassis_mut() {
+            chassis.release(physics);
+        }
+    }
+
+    /// Gives its body back to the physics.
+    pub fn hold(&mut self, physics: &mut Physics) {
+        if let Some(chassis) = self.chassis_mut() {
+            chassis.hold(physics);
+        }
+    }
+
+    /// Advances its free body by one step. Whether it did: the physics has to where the body is not free or has no finite motion.
+    pub fn advance(&mut self, physics: &Physics, impetus: &Impetus) -> bool {
+        self.chassis_mut().is_some_and(|chassis| chassis.advance(physics, impetus))
+    }
+
+    fn chassis(&self) -> Option<&Chassis> {
+        match self {
+            Self::Raycast(car) => Some(car.chassis()),
+            Self::Bicycle(bicycle) => Some(bicycle.chassis()),
+            Self::Measured(_) => None,
+        }
+    }
+
+    fn chassis_mut(&mut self) -> Option<&mut Chassis> {
+        match self {
+            Self::Raycast(car) => Some(car.chassis_mut()),
+            Self::Bicycle(bicycle) => Some(bicycle.chassis_mut()),
+            Self::Measured(_) => None,
         }
     }
 

@@ -31,17 +31,17 @@ struct PathNode {
     pose: Pose2,
     /// Unit vector of the heading.
     forward: DVec2,
-    station: f64,
     /// Span from the previous node; meaningless for the first node.
     span: CubicSpan,
 }
 
-/// Where the span to a node is. A search looks at those of a whole stretch and at few nodes, which are four times as large:
+/// Where the span to a node is. A search looks at those of a whole stretch and at few nodes, which are three times as large:
 /// in a city of thousands its time is that of reading memory.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 struct SpanPlace {
     /// Of its end.
     station: f64,
+    /// Of its chord.
     middle: DVec2,
     /// The span is within this distance of its middle, metres.
     reach_m: f64,
@@ -49,30 +49,10 @@ struct SpanPlace {
 
 /// A path with stations: arc lengths from an origin that is kept as the path is renewed.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-#[serde(from = "StoredPath", into = "StoredPath")]
 pub(super) struct Path {
     nodes: Vec<PathNode>,
     /// One for each node.
     places: Vec<SpanPlace>,
-}
-
-/// A path as saved states have it.
-#[derive(Serialize, Deserialize)]
-struct StoredPath {
-    nodes: Vec<PathNode>,
-}
-
-impl From<StoredPath> for Path {
-    fn from(StoredPath { nodes }: StoredPath) -> Self {
-        let places = nodes.iter().map(PathNode::place).collect();
-        Self { nodes, places }
-    }
-}
-
-impl From<Path> for StoredPath {
-    fn from(Path { nodes, .. }: Path) -> Self {
-        Self { nodes }
-    }
 }
 
 /// The nearest point of a path.
@@ -106,10 +86,7 @@ impl NearestSearch {
 
 impl Digest for Path {
     fn digest(&self, hash: &mut StateHash) {
-        for node in &self.nodes {
-            node.pose.digest(hash);
-            hash.number(node.station);
-        }
+        self.digest_from(0, hash);
     }
 }
 
@@ -119,56 +96,73 @@ impl Path {
     }
 
     pub(super) fn end(&self) -> f64 {
-        self.nodes.last().map_or(0.0, |node| node.station)
+        self.places.last().map_or(0.0, |place| place.station)
+    }
+
+    /// The digest of the nodes from one on.
+    fn digest_from(&self, first: usize, hash: &mut StateHash) {
+        for (node, place) in self.nodes[first..].iter().zip(&self.places[first..]) {
+            node.pose.digest(hash);
+            hash.number(place.station);
+        }
     }
 
     /// Restarts with one pose at `station`.
     pub(super) fn restart(&mut self, station: f64, pose: Pose2) {
         self.nodes.clear();
         self.places.clear();
-        self.add(PathNode { pose, forward: pose.forward(), station, span: CubicSpan::default() });
-    }
-
-    fn add(&mut self, node: PathNode) {
-        self.places.push(node.place());
-        self.nodes.push(node);
+        self.nodes.push(PathNode { pose, forward: pose.forward(), span: CubicSpan::default() });
+        self.places.push(SpanPlace { station, middle: DVec2::ZERO, reach_m: 0.0 });
     }
 
     /// Appends a pose and returns its station. A pose not ahead of the end is skipped.
     pub(super) fn push(&mut self, pose: Pose2) -> f64 {
-        let Some(last) = self.nodes.last() else {
+        let (Some(last), end) = (self.nodes.last(), self.end()) else {
             self.restart(0.0, pose);
             return 0.0;
         };
         let offset = pose.position - last.pose.position;
         let ahead = offset.dot(last.forward);
         if offset.length_squared() < SPACING_M * SPACING_M {
-            return last.station + ahead.clamp(0.0, SPACING_M);
+            return end + ahead.clamp(0.0, SPACING_M);
         }
         if ahead < 0.0 {
-            return last.station;
+            return end;
         }
-        let mut node = PathNode { pose, forward: pose.forward(), station: 0.0, span: CubicSpan::default() };
-        node.span = CubicSpan::between(last, &node);
-        node.station = last.station + node.span.length;
-        self.add(node);
-        node.station
+        let mut node = PathNode { pose, forward: pose.forward(), span: CubicSpan::default() };
+        let between = Between::nodes(last, &node);
+        node.span = between.span;
+        let station = end + between.length_m;
+        self.places.push(between.place(station));
+        self.nodes.push(node);
+        station
+    }
+
+    /// [`Self::push`], with the digest of what comes to the path: the processor works on both at once, for a digest is a chain
+    /// of multiplications that wait for each other.
+    pub(super) fn push_into(&mut self, pose: Pose2, hash: &mut StateHash) -> f64 {
+        let count = self.nodes.len();
+        let station = self.push(pose);
+        self.digest_from(count, hash);
+        station
     }
 
     /// Keeps the path between two stations, thinned out where it is dense.
     pub(super) fn keep(&mut self, from: f64, to: f64) {
         let (nodes, places) = (&mut self.nodes, &mut self.places);
+        // What lies ahead is most of a path and is not read.
+        let begin = places.iter().take_while(|place| place.station < from).count();
+        let count = places[begin..].iter().take_while(|place| place.station <= to).count();
         // Kept nodes move to the front. Most of them stay neighbours, and their spans as they are.
         let (mut kept, mut is_next) = (0, false);
-        for index in 0..nodes.len() {
-            let station = nodes[index].station;
-            let is_apart = kept == 0 || station - nodes[kept - 1].station > KEPT_SPACING_M;
-            let keeps = station >= from && station <= to && is_apart;
+        for index in begin..begin + count {
+            let keeps = kept == 0 || places[index].station - places[kept - 1].station > KEPT_SPACING_M;
             if keeps {
                 (nodes[kept], places[kept]) = (nodes[index], places[index]);
                 if kept > 0 && !is_next {
-                    nodes[kept].span = CubicSpan::between(&nodes[kept - 1], &nodes[kept]);
-                    places[kept] = nodes[kept].place();
+                    let between = Between::nodes(&nodes[kept - 1], &nodes[kept]);
+                    nodes[kept].span = between.span;
+                    places[kept] = between.place(places[kept].station);
                 }
                 kept += 1;
             }
@@ -182,6 +176,7 @@ impl Path {
     /// count if the range reaches them. `None` for an empty path.
     pub(super) fn nearest(&self, point: DVec2, forward: DVec2, from: f64, to: f64) -> Option<NearestPoint> {
         let (first, last) = (self.nodes.first()?, self.nodes.last()?);
+        let [first_station, last_station] = [self.places.first()?.station, self.end()];
         // One after the other, as the processor fetches them: the stretch is near the front, and what is read first is hardly
         // ever at hand.
         let begin = self.places.iter().take_while(|place| place.station < from).count().saturating_sub(1);
@@ -193,8 +188,8 @@ impl Path {
         let to_middle = |place: &SpanPlace| place.middle.distance_squared(point);
         let nearest_of = |index: usize| {
             let node = begin + 1 + index;
-            let [from, to] = [node - 1, node].map(|end| self.places[end].station);
-            self.nodes[node].span.nearest(point, from, to)
+            let [before, place] = [node - 1, node].map(|end| &self.places[end]);
+            self.nodes[node].span.nearest(point - place.middle, before.station, place.station)
         };
         // The likeliest span first: it bounds the search in the others.
         if let Some(likeliest) = least(reachable.iter().map(to_middle)) {
@@ -209,13 +204,13 @@ impl Path {
             }
         }
         let is_one = self.nodes.len() == 1;
-        if is_one || (first.station >= from && first.ahead_of(point) < 0.0) {
+        if is_one || (first_station >= from && first.ahead_of(point) < 0.0) {
             let curvature = self.nodes.get(1).map_or(0.0, |second| second.span.curvature);
-            let nearest = extension(first, curvature, point);
+            let nearest = extension(first, first_station, curvature, point);
             best.offer(nearest.path_to_left_m * nearest.path_to_left_m, nearest, forward);
         }
-        if !is_one && last.station <= to && last.ahead_of(point) > 0.0 {
-            let nearest = extension(last, last.span.curvature, point);
+        if !is_one && last_station <= to && last.ahead_of(point) > 0.0 {
+            let nearest = extension(last, last_station, last.span.curvature, point);
             best.offer(nearest.path_to_left_m * nearest.path_to_left_m, nearest, forward);
         }
         best.nearest
@@ -223,10 +218,6 @@ impl Path {
 }
 
 impl PathNode {
-    fn place(&self) -> SpanPlace {
-        SpanPlace { station: self.station, middle: self.span.middle, reach_m: self.span.reach() }
-    }
-
     /// Longitudinal distance of a point from the node.
     fn ahead_of(&self, point: DVec2) -> f64 {
         (point - self.pose.position).dot(self.forward)
@@ -255,7 +246,7 @@ pub(super) fn angle_between(from: DVec2, to: DVec2) -> f64 {
 }
 
 /// The nearest point on the circular or straight extension of a node.
-fn extension(node: &PathNode, curvature: f64, point: DVec2) -> NearestPoint {
+fn extension(node: &PathNode, station: f64, curvature: f64, point: DVec2) -> NearestPoint {
     let offset = point - node.pose.position;
     let (ahead, left) = (offset.dot(node.forward), offset.dot(node.forward.perp()));
     let (along, tangent, to_left) = if curvature.abs() < 1e-6 {
@@ -267,25 +258,29 @@ fn extension(node: &PathNode, curvature: f64, point: DVec2) -> NearestPoint {
         let unit = from_centre / distance.max(1e-12);
         (turn / curvature, node.forward * unit.y + node.forward.perp() * unit.x, (distance - 1.0) / curvature)
     };
-    NearestPoint { station: node.station + along, tangent, curvature, path_to_left_m: to_left }
+    NearestPoint { station: station + along, tangent, curvature, path_to_left_m: to_left }
 }
 
 /// A cubic Hermite span between two poses.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 struct CubicSpan {
-    /// Midpoint of the chord.
-    middle: DVec2,
     /// Unit vector.
     chord: DVec2,
     chord_length: f64,
     /// End slopes relative to the chord.
     slopes: [f64; 2],
-    length: f64,
     curvature: f64,
 }
 
-impl CubicSpan {
-    fn between(from: &PathNode, to: &PathNode) -> Self {
+/// A span, and what is kept of it elsewhere.
+struct Between {
+    span: CubicSpan,
+    middle: DVec2,
+    length_m: f64,
+}
+
+impl Between {
+    fn nodes(from: &PathNode, to: &PathNode) -> Self {
         let offset = to.pose.position - from.pose.position;
         let chord_length = offset.length().max(1e-9);
         let chord = offset / chord_length;
@@ -302,9 +297,16 @@ impl CubicSpan {
         let length = chord_length * (1.0 + (2.0 * a * a + 2.0 * b * b - a * b) / 30.0);
         let curvature = (turn / length).clamp(-MAX_CURVATURE, MAX_CURVATURE);
         let middle = from.pose.position + offset / 2.0;
-        Self { middle, chord, chord_length, slopes, length, curvature }
+        let span = CubicSpan { chord, chord_length, slopes, curvature };
+        Self { span, middle, length_m: length }
     }
 
+    fn place(&self, station: f64) -> SpanPlace {
+        SpanPlace { station, middle: self.middle, reach_m: self.span.reach() }
+    }
+}
+
+impl CubicSpan {
     /// Bound on the distance of the cubic from the midpoint of its chord: even at the largest slopes it stays
     /// within a third of the chord's length of the chord.
     fn reach(&self) -> f64 {
@@ -318,9 +320,10 @@ impl CubicSpan {
         (a * u * w * w - b * u * u * w, a * w * (1.0 - 3.0 * u) + b * u * (3.0 * u - 2.0))
     }
 
-    /// Squared distance to the nearest point, and that point; stations are those of the ends.
-    fn nearest(&self, point: DVec2, from: f64, to: f64) -> (f64, NearestPoint) {
-        let local = (point - self.middle) / self.chord_length;
+    /// Squared distance to the nearest point, and that point; stations are those of the ends, the offset is that of the query
+    /// point from the middle.
+    fn nearest(&self, offset: DVec2, from: f64, to: f64) -> (f64, NearestPoint) {
+        let local = offset / self.chord_length;
         let (x, y) = (0.5 + local.dot(self.chord), local.dot(self.chord.perp()));
         let mut u = x.clamp(0.0, 1.0);
         for _ in 0..3 {
@@ -377,7 +380,7 @@ mod tests {
         let mut path = circle(0.01, 200);
         let whole = path.clone();
         path.keep(3.0, 15.0);
-        assert!(path.nodes.len() < 40 && path.nodes[0].station >= 3.0 && path.end() <= 15.0);
+        assert!(path.nodes.len() < 40 && path.places[0].station >= 3.0 && path.end() <= 15.0);
         for k in 4..14 {
             let (sin, cos) = trig::sin_cos(0.1 * f64::from(k));
             let near = |path: &Path| {

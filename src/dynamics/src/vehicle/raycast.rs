@@ -6,9 +6,10 @@
 //! the gas switches off; and a sliding wheel carries twice as much longitudinally as laterally. Here forces
 //! follow from loads, in SI units.
 
+use super::chassis::{Chassis, collision_box};
 use super::wheels::{ackermann_headings, angle_of, pedal, steered};
 use super::{Actuation, Drive, Motion, VehicleModel, VehicleSpec};
-use crate::physics::{BodyId, BodyState, BoxBody, Impetus, Physics};
+use crate::physics::{BodyState, Impetus, Physics};
 use city3d_geometry::Pose2;
 use city3d_geometry::digest::{Digest, StateHash};
 use city3d_protocol::snapshot::GRAVITY_MPS2;
@@ -17,11 +18,6 @@ use glam::{DQuat, DVec2, DVec3};
 use serde::{Deserialize, Serialize};
 use std::f64::consts::TAU;
 
-/// Ground clearance of the collision box.
-const CLEARANCE_M: f64 = 0.2;
-/// Inset of the collision box from the outline: contacts would otherwise hold slow vehicles apart before
-/// their outlines overlap, and a collision is the overlap of outlines.
-const BUMPER_M: f64 = 0.03;
 /// Bump stops: start as a share of the spring's rest length, and stiffness relative to the spring.
 const BUMP_LENGTH: f64 = 0.3;
 const BUMP_STIFFNESS: f64 = 6.0;
@@ -29,7 +25,7 @@ const BUMP_STIFFNESS: f64 = 6.0;
 /// A vehicle with the ray-cast model.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct RaycastCar {
-    body: BodyId,
+    chassis: Chassis,
     steering_rad: f64,
     wheels: [WheelState; 4],
     /// Speed of the centre of mass along the heading at the last step, for the acceleration.
@@ -98,25 +94,6 @@ pub(super) fn lifts_m(spec: &VehicleSpec, position: DVec3, orientation: DQuat) -
     })
 }
 
-/// The collision box of a vehicle, inset from its outline, with its mass and the inertia of a homogeneous
-/// block of the outline.
-pub(super) fn chassis(spec: &VehicleSpec, pose: Pose2, speed_mps: f64) -> BoxBody {
-    let d = &spec.dimensions;
-    let size = DVec3::new(d.length_m, d.width_m, d.height_m);
-    let square = size * size;
-    let block = DVec3::new(square.y + square.z, square.x + square.z, square.x + square.y) / 12.0;
-    BoxBody {
-        position: pose.position.extend(0.0),
-        yaw_rad: pose.yaw_rad,
-        velocity_mps: pose.forward().extend(0.0) * speed_mps,
-        size_m: size - DVec3::new(2.0 * BUMPER_M, 2.0 * BUMPER_M, 0.0),
-        clearance_m: CLEARANCE_M.min(0.5 * d.height_m),
-        mass_kg: spec.mass_kg,
-        centre_of_mass_m: DVec3::new(spec.centre_of_mass.ahead_m, 0.0, spec.centre_of_mass.height_m),
-        inertia_kgm2: block * DVec3::new(1.0, 1.0, spec.yaw_inertia_factor) * spec.mass_kg,
-    }
-}
-
 impl Digest for RaycastCar {
     fn digest(&self, hash: &mut StateHash) {
         hash.numbers([self.steering_rad, self.mass_speed_mps]);
@@ -125,23 +102,22 @@ impl Digest for RaycastCar {
 }
 
 impl RaycastCar {
-    pub(super) fn body(&self) -> BodyId {
-        self.body
+    pub(super) fn chassis(&self) -> &Chassis {
+        &self.chassis
+    }
+
+    pub(super) fn chassis_mut(&mut self) -> &mut Chassis {
+        &mut self.chassis
     }
 
     /// Spawns a car on the road at its rest height, rolling at `speed_mps`.
     pub fn spawn(physics: &mut Physics, spec: &VehicleSpec, pose: Pose2, speed_mps: f64) -> Self {
-        let body = physics.add_box(&chassis(spec, pose, speed_mps));
-        Self { body, steering_rad: 0.0, wheels: Default::default(), mass_speed_mps: speed_mps }
+        let chassis = Chassis::of(physics.add_box(&collision_box(spec, pose, speed_mps)));
+        Self { chassis, steering_rad: 0.0, wheels: Default::default(), mass_speed_mps: speed_mps }
     }
 
     /// Casts the wheels' rays and computes spring and damper loads. A wheel in the air has no contact.
-    fn contacts(
-        &mut self,
-        physics: &Physics,
-        spec: &VehicleSpec,
-        state: &BodyState,
-    ) -> [Option<WheelContact>; 4] {
+    fn contacts(&mut self, spec: &VehicleSpec, state: &BodyState) -> [Option<WheelContact>; 4] {
         let up = state.orientation * DVec3::Z;
         let (rest, radius, sag) = (spec.suspension.rest_length_m, spec.dimensions.wheel_radius_m, sag(spec));
         let damping_time = 2.0 * spec.suspension.damping_ratio / (spec.suspension.frequency_hz * TAU);
@@ -149,7 +125,7 @@ impl RaycastCar {
         let mut contacts = [None; 4];
         for (wheel, mount) in spring_mounts(spec).iter().enumerate() {
             let top = state.position + state.orientation * mount.top;
-            let hit = physics.cast_to_ground(top, -up, rest + radius);
+            let hit = Physics::cast_to_ground(top, -up, rest + radius);
             let Some(hit) = hit.filter(|hit| hit.normal.dot(up) > 0.2) else {
                 self.wheels[wheel].lift_m = -sag;
                 continue;
@@ -219,13 +195,13 @@ impl VehicleModel for RaycastCar {
         actuation: &Actuation,
         dt_s: f64,
     ) -> Option<Impetus> {
-        let state = physics.body(self.body)?;
+        let state = self.chassis.state(physics)?;
         self.steering_rad = steered(spec, self.steering_rad, actuation.steering_rad, dt_s);
         let [left, right] = ackermann_headings(spec, self.steering_rad);
         self.wheels[0].steer_rad = angle_of(left);
         self.wheels[1].steer_rad = angle_of(right);
 
-        let contacts = self.contacts(physics, spec, &state);
+        let contacts = self.contacts(spec, &state);
         let driven = |wheel: usize| match spec.drive {
             Drive::Front => wheel < 2,
             Drive::Rear => wheel >= 2,
@@ -264,7 +240,7 @@ impl VehicleModel for RaycastCar {
     }
 
     fn read_back(&mut self, physics: &Physics, _spec: &VehicleSpec, dt_s: f64) -> Motion {
-        let Some(state) = physics.body(self.body) else { return Motion::default() };
+        let Some(state) = self.chassis.state(physics) else { return Motion::default() };
         // Wheels that stand do not roll while the body swings back from a stop.
         let velocity = state.velocity_at(state.position);
         let forward = (state.orientation * DVec3::X).truncate().normalize_or(DVec2::X);
@@ -285,6 +261,6 @@ impl VehicleModel for RaycastCar {
     }
 
     fn remove(&mut self, physics: &mut Physics) {
-        physics.remove(self.body);
+        physics.remove(self.chassis.body());
     }
 }

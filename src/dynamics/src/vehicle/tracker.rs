@@ -120,20 +120,19 @@ impl Tracker {
     pub fn follow(&mut self, trajectory: &Trajectory) {
         let points = usable(&trajectory.points);
         let Some(first) = points.clone().next() else { return };
-        self.replace_plan(first, points);
-        let mut hash = StateHash::default();
-        self.path.digest(&mut hash);
+        let mut hash = self.replace_plan(first, points);
         for waypoint in &self.waypoints {
             hash.numbers([waypoint.time_s, waypoint.station, waypoint.speed_mps]);
         }
         self.plan_hash = hash.finish();
     }
 
+    /// Returns the digest of the path.
     fn replace_plan<'a>(
         &mut self,
         first: &TrajectoryPoint,
         points: impl Iterator<Item = &'a TrajectoryPoint> + Clone,
-    ) {
+    ) -> StateHash {
         self.link_lost = false;
         self.stopping_mps = None;
 
@@ -154,7 +153,9 @@ impl Tracker {
             // All points in one spot: the old path gives the shape.
             Some(near) if stands(points.clone()) && self.path.end() > near.station => {
                 self.waypoints.extend(points.map(|point| waypoint(point, near.station)));
-                return;
+                let mut hash = StateHash::default();
+                self.path.digest(&mut hash);
+                return hash;
             }
             // The old path is kept behind the new one: a lagging vehicle is still on it.
             Some(near) => {
@@ -170,10 +171,13 @@ impl Tracker {
                 self.path.restart(0.0, first.pose);
             }
         }
+        let mut hash = StateHash::default();
+        self.path.digest(&mut hash);
         for point in points {
-            let station = self.path.push(point.pose);
+            let station = self.path.push_into(point.pose, &mut hash);
             self.waypoints.push(waypoint(point, station));
         }
+        hash
     }
 
     /// Link loss: brakes to a stop along the last path, at no more than 5 m/s2, until the next trajectory.

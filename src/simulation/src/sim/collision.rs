@@ -1,6 +1,6 @@
-//! Collision detection: overlapping outlines of vehicles and of static obstacles (sweep and prune).
+//! Collision detection: overlapping outlines of vehicles and of static obstacles.
 
-use super::outline_of;
+use super::neighbours::Neighbours;
 use super::vehicle::SimVehicle;
 use city3d_geometry::OrientedRect;
 use city3d_geometry::digest::{Digest, StateHash};
@@ -8,6 +8,7 @@ use city3d_protocol::snapshot::{Event, EventKind, VehicleId};
 use city3d_roadmap::{CityMap, Footprint, Scenery};
 use glam::DVec2;
 use serde::{Deserialize, Serialize};
+use std::cell::Cell;
 use std::collections::BTreeSet;
 
 /// A static obstacle.
@@ -52,15 +53,18 @@ impl StaticObstacles {
     }
 
     fn touching(&self, outline: &OrientedRect) -> Option<&StaticObstacle> {
-        let (radius, centre) = (outline.radius(), outline.centre);
-        let first = self.solids.partition_point(|solid| solid.low.x < centre.x - radius - self.widest_m);
+        let radius = DVec2::splat(outline.radius());
+        self.within(outline.centre, radius).find(|solid| outline.overlaps_polygon(&solid.polygon))
+    }
+
+    /// Those whose upright boxes meet one of half the size `half` around a point.
+    fn within(&self, centre: DVec2, half: DVec2) -> impl Iterator<Item = &StaticObstacle> {
+        let (low, high) = (centre - half, centre + half);
+        let first = self.solids.partition_point(|solid| solid.low.x < low.x - self.widest_m);
         self.solids[first..]
             .iter()
-            .take_while(|solid| solid.low.x <= centre.x + radius)
-            .filter(|solid| {
-                (centre + radius).cmpge(solid.low).all() && (centre - radius).cmple(solid.high).all()
-            })
-            .find(|solid| outline.overlaps_polygon(&solid.polygon))
+            .take_while(move |solid| solid.low.x <= high.x)
+            .filter(move |solid| high.cmpge(solid.low).all() && low.cmple(solid.high).all())
     }
 }
 
@@ -99,9 +103,48 @@ pub struct Collisions {
     touching: BTreeSet<(VehicleId, VehicleId)>,
     touching_solid: BTreeSet<VehicleId>,
     #[serde(skip)]
-    by_west_end: Vec<(f64, usize)>,
-    #[serde(skip)]
-    outlines: Vec<OrientedRect>,
+    neighbours: Neighbours,
+}
+
+/// Where a vehicle is after a step, and how far from it others may be that its body meets in the next one.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Place {
+    pub outline: OrientedRect,
+    /// Of the outline.
+    pub radius_m: f64,
+    /// Around the outline's upright box.
+    pub margin_m: f64,
+    /// Whether others that run into it move it.
+    pub gives_way: bool,
+    /// Whether the physics has its body.
+    pub is_held: bool,
+    /// Whether its body needs the physics in the next step: it is near another or a solid. Before: whether it does in any case.
+    pub is_near: bool,
+}
+
+impl Place {
+    fn circle(&self) -> (DVec2, f64) {
+        (self.outline.centre, self.radius_m + std::f64::consts::SQRT_2 * self.margin_m)
+    }
+
+    /// Half the size of the outline's upright box, with the margin.
+    fn upright_half(&self) -> DVec2 {
+        let (axis, half) = (self.outline.axis.abs(), self.outline.half);
+        axis * half.x + DVec2::new(axis.y, axis.x) * half.y + self.margin_m
+    }
+
+    /// Whether the bodies of two vehicles may meet, as upright boxes: the physics has pairs of them long before they touch, and
+    /// what it keeps of a pair depends on when it began.
+    fn is_near(&self, other: &Self) -> bool {
+        let apart = (self.outline.centre - other.outline.centre).abs();
+        (self.gives_way || other.gives_way) && apart.cmple(self.upright_half() + other.upright_half()).all()
+    }
+
+    fn overlaps(&self, other: &Self) -> bool {
+        let reach = self.radius_m + other.radius_m + ROUNDING_M;
+        self.outline.centre.distance_squared(other.outline.centre) < reach * reach
+            && self.outline.overlap(&other.outline).is_some()
+    }
 }
 
 /// More than distances are rounded by.
@@ -120,44 +163,43 @@ impl Digest for Collisions {
 }
 
 impl Collisions {
-    /// Finds the contacts of a tick and adds an event for each that is new; `vehicles` are in id order.
+    /// Finds the contacts of a tick and adds an event for each that is new, and whose bodies are near others. `vehicles` are in
+    /// id order, with a place for each.
     pub fn find(
         &mut self,
-        vehicles: &[SimVehicle],
+        (vehicles, places): (&[SimVehicle], &mut [Place]),
         solids: &StaticObstacles,
         time_s: f64,
         events: &mut Vec<Event>,
     ) {
-        self.outlines.clear();
-        self.outlines.extend(vehicles.iter().map(|vehicle| outline_of(&vehicle.state, vehicle)));
-        self.release(vehicles, solids);
-        self.sweep();
+        self.release(vehicles, places, solids);
         let mut found: Vec<(VehicleId, VehicleId)> = Vec::new();
-        for (place, &(west, a)) in self.by_west_end.iter().enumerate() {
-            let (outline, radius) = (&self.outlines[a], self.outlines[a].radius());
-            let east = west + 2.0 * radius;
-            for &(other_west, b) in &self.by_west_end[place + 1..] {
-                if other_west > east {
-                    break;
-                }
-                // In a grid of streets most that share their east and west are far to the north or south.
-                let other = &self.outlines[b];
-                let apart_m = (outline.centre.y - other.centre.y).abs();
-                if apart_m < radius + other.radius() + ROUNDING_M && outline.overlap(other).is_some() {
-                    let (low, high) = (a.min(b), a.max(b));
-                    found.push((vehicles[low].state.id, vehicles[high].state.id));
-                }
+        let seen = Cell::from_mut(&mut *places).as_slice_of_cells();
+        self.neighbours.pairs(seen.iter().map(|place| place.get().circle()), |a, b| {
+            let (one, other) = (seen[a].get(), seen[b].get());
+            if one.is_near(&other) {
+                seen[a].set(Place { is_near: true, ..one });
+                seen[b].set(Place { is_near: true, ..other });
             }
-        }
+            if one.overlaps(&other) {
+                let (low, high) = (a.min(b), a.max(b));
+                found.push((vehicles[low].state.id, vehicles[high].state.id));
+            }
+        });
         found.sort_unstable();
         for (vehicle, with) in found {
             if self.touching.insert((vehicle, with)) {
                 events.push(Event { time_s, vehicle, kind: EventKind::Collision { with } });
             }
         }
-        for (vehicle, outline) in vehicles.iter().zip(&self.outlines) {
+        for (vehicle, place) in vehicles.iter().zip(places) {
+            let half = place.upright_half().max(DVec2::splat(place.radius_m));
+            if solids.within(place.outline.centre, half).next().is_none() {
+                continue;
+            }
+            place.is_near |= place.gives_way;
             let id = vehicle.state.id;
-            if let Some(solid) = solids.touching(outline)
+            if let Some(solid) = solids.touching(&place.outline)
                 && self.touching_solid.insert(id)
             {
                 let kind = EventKind::CollisionStatic { with: solid.name.clone() };
@@ -171,23 +213,10 @@ impl Collisions {
         self.touching_solid.contains(&id) || self.touching.iter().any(|(a, b)| *a == id || *b == id)
     }
 
-    fn sweep(&mut self) {
-        let outlines = &self.outlines;
-        let west = |index: usize| outlines[index].centre.x - outlines[index].radius();
-        if self.by_west_end.len() == outlines.len() {
-            self.by_west_end.iter_mut().for_each(|entry| entry.0 = west(entry.1));
-        } else {
-            self.by_west_end = (0..outlines.len()).map(|index| (west(index), index)).collect();
-        }
-        // Nearly sorted since the last tick: the stable sort is linear then.
-        self.by_west_end.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
-    }
-
-    fn release(&mut self, vehicles: &[SimVehicle], solids: &StaticObstacles) {
-        let outlines = &self.outlines;
+    fn release(&mut self, vehicles: &[SimVehicle], places: &[Place], solids: &StaticObstacles) {
         let grown = |id: VehicleId| {
             let index = vehicles.binary_search_by_key(&id, |vehicle| vehicle.state.id).ok()?;
-            let outline = outlines[index];
+            let outline = places[index].outline;
             Some(OrientedRect { half: outline.half + APART_M / 2.0, ..outline })
         };
         self.touching.retain(|&(a, b)| grown(a).zip(grown(b)).is_some_and(|(a, b)| a.overlap(&b).is_some()));

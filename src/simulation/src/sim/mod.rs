@@ -4,19 +4,21 @@
 //! number of threads.
 
 mod collision;
+mod neighbours;
+mod step;
 mod vehicle;
 
 use crate::scenario::Experiment;
-use city3d_dynamics::physics::{Impetus, Physics};
-use city3d_geometry::OrientedRect;
+use city3d_dynamics::physics::Physics;
 use city3d_geometry::digest::{Digest, StateHash};
 use city3d_protocol::snapshot::{
     Aspect, Event, EventKind, FrameSnapshot, Pedals, Setup, SignalAspects, SimCommand, Trajectory, VehicleId,
-    VehicleInfo, VehicleState,
+    VehicleInfo,
 };
 use collision::{Collisions, StaticObstacles};
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
+use step::{Buffers, follow_own};
 use vehicle::SimVehicle;
 
 /// The whole simulation.
@@ -45,15 +47,7 @@ pub struct World {
     solids: Arc<StaticObstacles>,
     roster: Arc<Vec<VehicleInfo>>,
     state: WorldState,
-    /// By vehicle; a buffer.
-    parts: Vec<VehicleStep>,
-}
-
-/// What a step of one vehicle comes to.
-#[derive(Clone, Debug, Default)]
-struct VehicleStep {
-    impetus: Option<Impetus>,
-    events: Vec<Event>,
+    buffers: Buffers,
 }
 
 /// The mutable state: with the experiment it restores the world at any tick.
@@ -110,7 +104,7 @@ impl WorldState {
         for vehicle in &self.vehicles {
             visit(vehicle);
             vehicle.digest(&mut hash);
-            self.physics.body(vehicle.body()).digest(&mut hash);
+            vehicle.body_state(&self.physics).digest(&mut hash);
             // Commands that come before the first step belong to it.
             if self.tick > 0 {
                 vehicle.digest_commands(&mut hash);
@@ -127,7 +121,7 @@ impl World {
         let solids = Arc::new(StaticObstacles::of(&experiment.city_map));
         let state = WorldState::initial(&experiment, &solids);
         let roster = state.roster(&experiment);
-        Self { experiment, solids, roster, state, parts: Vec::new() }
+        Self { experiment, solids, roster, state, buffers: Buffers::default() }
     }
 
     /// The experiment that sets the initial conditions.
@@ -163,7 +157,7 @@ impl World {
             solids: Arc::clone(&self.solids),
             roster,
             state,
-            parts: Vec::new(),
+            buffers: Buffers::default(),
         }
     }
 
@@ -229,7 +223,7 @@ impl World {
     fn follow_all(&mut self, trajectories: &[&Trajectory]) {
         let (time_s, timeout_s) = (self.time_s(), self.experiment.link_timeout_s);
         self.experiment.workers.each(&mut self.state.vehicles, |_, vehicle| {
-            follow_own(vehicle, trajectories, time_s, timeout_s)
+            follow_own(vehicle, trajectories, time_s, timeout_s);
         });
     }
 
@@ -294,43 +288,6 @@ impl World {
         self.roster = self.state.roster(&self.experiment);
     }
 
-    /// Advances by one physics step; vehicles begin it with their trajectories, which are in the order of ids.
-    fn step(&mut self, trajectories: &[&Trajectory], events: &mut Vec<Event>) {
-        let (dt_s, link_timeout_s) = (self.experiment.rates.dt_s(), self.experiment.link_timeout_s);
-        let workers = &self.experiment.workers;
-        let before_s = self.time_s();
-        let (state, parts) = (&mut self.state, &mut self.parts);
-        let (physics, vehicles, contacts) = (&mut state.physics, &mut state.vehicles, &state.collisions);
-        parts.resize_with(vehicles.len(), VehicleStep::default);
-        workers.each_of_two((vehicles, parts), |_, vehicle, part| {
-            follow_own(vehicle, trajectories, before_s, link_timeout_s);
-            part.impetus = vehicle.actuate(physics, before_s, dt_s, link_timeout_s, &mut part.events);
-        });
-        for (vehicle, part) in vehicles.iter().zip(&mut *parts) {
-            if let Some(impetus) = &part.impetus {
-                physics.impel(vehicle.body(), impetus);
-            }
-            events.append(&mut part.events);
-        }
-        physics.step();
-        state.tick += 1;
-        let time_s = self.experiment.rates.time_s(state.tick);
-        workers.each_of_two((vehicles, parts), |_, vehicle, part| {
-            vehicle.read_back(physics, (time_s, dt_s), contacts, &mut part.events);
-        });
-        parts.iter_mut().for_each(|part| events.append(&mut part.events));
-        let first = events.len();
-        state.collisions.find(&state.vehicles, &self.solids, time_s, events);
-        for event in &events[first..] {
-            for vehicle in &mut state.vehicles {
-                let is_hit = matches!(event.kind, EventKind::Collision { with } if with == vehicle.state.id);
-                if is_hit || event.vehicle == vehicle.state.id {
-                    vehicle.collide();
-                }
-            }
-        }
-    }
-
     fn describe(&self, out: &mut FrameSnapshot) {
         out.tick = self.state.tick;
         out.time_s = self.time_s();
@@ -341,15 +298,6 @@ impl World {
         out.vehicles.clear();
         // Copied where it is read for the digest.
         out.state_hash = self.state.hash(|vehicle| out.vehicles.push(vehicle.state.clone()));
-    }
-}
-
-/// Gives a vehicle its own of many trajectories, which are in the order of ids.
-fn follow_own(vehicle: &mut SimVehicle, trajectories: &[&Trajectory], time_s: f64, timeout_s: f64) {
-    let id = vehicle.state.id;
-    let first = trajectories.partition_point(|trajectory| trajectory.vehicle < id);
-    for trajectory in trajectories[first..].iter().take_while(|trajectory| trajectory.vehicle == id) {
-        vehicle.follow(trajectory, time_s, timeout_s);
     }
 }
 
@@ -369,7 +317,7 @@ impl WorldState {
         for planned in &experiment.vehicles {
             pending.push(event(planned.id, EventKind::Spawn));
             let setup = planned.setup(&experiment.city_map, experiment.scale);
-            let mut vehicle = SimVehicle::spawn(&setup, &mut physics, experiment);
+            let mut vehicle = SimVehicle::spawn(&setup, &mut physics, experiment, vehicles.last());
             if planned.is_human {
                 vehicle.start_manual();
             }
@@ -397,7 +345,9 @@ impl WorldState {
         let time_s = experiment.rates.time_s(self.tick);
         self.pending.push(Event { time_s, vehicle: setup.id, kind: EventKind::Spawn });
         let index = self.vehicles.partition_point(|vehicle| vehicle.state.id < setup.id);
-        let vehicle = SimVehicle::spawn(&setup, &mut self.physics, experiment);
+        let vehicle = SimVehicle::spawn(&setup, &mut self.physics, experiment, self.vehicles.last());
+        // It may come into the midst of others: who is really near is found after the next step.
+        self.vehicles.iter_mut().for_each(|other| other.hold_if(true, &mut self.physics));
         self.vehicles.insert(index, vehicle);
         self.setups.push(setup);
     }
@@ -417,9 +367,4 @@ impl WorldState {
         roster.sort_by_key(|info| info.id);
         Arc::new(roster)
     }
-}
-
-/// The outline of a vehicle of the world seen from above.
-fn outline_of(state: &VehicleState, vehicle: &SimVehicle) -> OrientedRect {
-    state.outline(&vehicle.spec().dimensions)
 }

@@ -1,15 +1,18 @@
 //! One vehicle of the world: dynamics, tracking control and state.
 
-use super::collision::Collisions;
+use super::collision::{Collisions, Place};
 use crate::scenario::Experiment;
-use city3d_dynamics::physics::{BodyId, Impetus, Physics};
-use city3d_dynamics::vehicle::{Actuation, Dynamics, Motion, Tracker, VehicleModel, VehicleSpec};
+use city3d_dynamics::physics::{BodyId, BodyState, Impetus, Physics};
+use city3d_dynamics::vehicle::{
+    Actuation, Dynamics, Motion, Tracker, VehicleModel, VehicleSpec, clears_ground,
+};
 use city3d_estimation::{LEFT_M, MotionSample, STANDS_MPS, StandstillChange, StandstillDetector};
 use city3d_geometry::digest::{Digest, StateHash};
 use city3d_protocol::snapshot::{
     Event, EventKind, Indicator, MeasuredPose, Pedals, Setup, Status, Trajectory, VehicleState,
 };
 use serde::{Deserialize, Serialize};
+use std::sync::Arc;
 
 /// The driving mode of a vehicle.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -23,10 +26,10 @@ enum DriveMode {
 pub struct SimVehicle {
     /// State as snapshots show it.
     pub state: VehicleState,
-    spec: VehicleSpec,
+    /// One for all that are built alike: what a tick reads of a large city should be little.
+    spec: Arc<VehicleSpec>,
     dynamics: Dynamics,
     tracker: Tracker,
-    motion: Motion,
     driver: DriveMode,
     /// Time of the last trajectory; `None` before the first.
     last_trajectory_s: Option<f64>,
@@ -78,18 +81,24 @@ impl SimVehicle {
 const BRAKE_LIGHT_TRAVEL: f64 = 0.02;
 /// Distance after a collision at which a manual vehicle is clear.
 const CLEAR_AFTER_M: f64 = 5.0;
+/// Around the upright box of a body within which the physics has no pairs of it: twice the skin of its broad phase and half
+/// its prediction (0.04 and 0.02 m), and what a level body may be tilted over its outline.
+const NEAR_M: f64 = 0.25;
+/// So much farther from others a body is let go.
+const KEPT_M: f64 = 0.3;
+
 impl SimVehicle {
-    /// Adds a vehicle to the physics, at the pose and the speed of its setup.
-    pub fn spawn(setup: &Setup, physics: &mut Physics, experiment: &Experiment) -> Self {
+    /// Adds a vehicle to the physics, at the pose and the speed of its setup. `like` may be built alike.
+    pub fn spawn(setup: &Setup, physics: &mut Physics, experiment: &Experiment, like: Option<&Self>) -> Self {
         let (spec, start) = (&setup.spec, (setup.pose, setup.speed_mps));
+        let shared = like.map(|like| &like.spec).filter(|shared| ***shared == *spec);
         let mut dynamics = Dynamics::spawn(physics, spec, start, experiment.scale);
         let motion = dynamics.read_back(physics, spec, experiment.rates.dt_s());
         let mut vehicle = Self {
             state: VehicleState { id: setup.id, ..VehicleState::default() },
-            spec: spec.clone(),
+            spec: shared.map_or_else(|| Arc::new(spec.clone()), Arc::clone),
             dynamics,
             tracker: Tracker::default(),
-            motion,
             driver: DriveMode::Algorithm,
             last_trajectory_s: None,
             sequence: None,
@@ -101,7 +110,7 @@ impl SimVehicle {
             has_reported_yield: false,
             is_finished: false,
         };
-        vehicle.describe();
+        vehicle.describe(&motion);
         vehicle
     }
 
@@ -110,9 +119,44 @@ impl SimVehicle {
         self.dynamics.body()
     }
 
-    /// Specification of its build and control.
-    pub fn spec(&self) -> &VehicleSpec {
-        &self.spec
+    /// Pose and velocity of its body.
+    pub fn body_state(&self, physics: &Physics) -> Option<BodyState> {
+        self.dynamics.body_state(physics)
+    }
+
+    /// Whether its body moves by itself.
+    pub fn is_free(&self) -> bool {
+        self.dynamics.is_free()
+    }
+
+    /// Gives its body to the physics in the next step, where it `is_near` others, or lets it move by itself.
+    pub fn hold_if(&mut self, is_near: bool, physics: &mut Physics) {
+        if is_near {
+            self.dynamics.hold(physics);
+        } else {
+            self.dynamics.release(physics);
+        }
+    }
+
+    /// Advances its body by one step if it is free and has a finite motion. Whether it did.
+    pub fn advance(&mut self, physics: &Physics, impetus: &Impetus) -> bool {
+        self.dynamics.advance(physics, impetus)
+    }
+
+    /// Where it is. Its body needs the physics in any case where it may come down on the ground.
+    pub fn place(&self, dt_s: f64) -> Place {
+        let outline = self.state.outline(&self.spec.dimensions);
+        // Who is held stays so a little longer than needed to begin: to change over takes time.
+        let is_held = !self.is_free();
+        let kept_m = if is_held { KEPT_M } else { 0.0 };
+        Place {
+            outline,
+            radius_m: outline.radius(),
+            margin_m: NEAR_M + kept_m + 2.0 * dt_s * self.state.speed_mps.abs(),
+            gives_way: self.dynamics.gives_way(),
+            is_held,
+            is_near: !clears_ground(&self.spec, &self.motion(), dt_s),
+        }
     }
 
     /// Removes its body from the physics.
@@ -149,8 +193,8 @@ impl SimVehicle {
         measured.take(&MeasuredPose { stamp_s: pose.stamp_s.min(time_s), ..*pose });
         if !is_running {
             measured.carry_to(time_s, &self.spec, 0.0);
-            self.motion = self.dynamics.read_back(physics, &self.spec, 0.0);
-            self.describe();
+            let motion = self.dynamics.read_back(physics, &self.spec, 0.0);
+            self.describe(&motion);
         }
     }
 
@@ -209,7 +253,7 @@ impl SimVehicle {
         events: &mut Vec<Event>,
     ) -> Option<Impetus> {
         self.watch_link(time_s, link_timeout_s, events);
-        let tracking = self.tracker.step(&self.spec, &self.motion, time_s, dt_s);
+        let tracking = self.tracker.step(&self.spec, &self.motion(), time_s, dt_s);
         self.state.lateral_error_m = tracking.lateral_error_m;
         let actuation = match self.driver {
             DriveMode::Human(pedals) => {
@@ -223,7 +267,7 @@ impl SimVehicle {
                 }
             }
             DriveMode::Algorithm if self.has_collided => {
-                Actuation { brake: 0.8, steering_rad: self.motion.steering_rad, ..Actuation::default() }
+                Actuation { brake: 0.8, steering_rad: self.state.steering_rad, ..Actuation::default() }
             }
             DriveMode::Algorithm => tracking.actuation,
         };
@@ -265,23 +309,38 @@ impl SimVehicle {
         events: &mut Vec<Event>,
     ) {
         let before = self.state.status;
-        self.motion = self.dynamics.read_back(physics, &self.spec, dt_s);
+        let motion = self.dynamics.read_back(physics, &self.spec, dt_s);
         self.state.distance_m = match &self.dynamics {
             Dynamics::Measured(measured) => measured.distance_m(),
-            _ => self.state.distance_m + self.motion.speed_mps.abs() * dt_s,
+            _ => self.state.distance_m + motion.speed_mps.abs() * dt_s,
         };
         let is_clear = self.state.distance_m - self.collided_at_m > CLEAR_AFTER_M;
         let may_go_on = matches!(self.driver, DriveMode::Human(_));
         if self.has_collided && is_clear && may_go_on && !contacts.hold(self.state.id) {
             self.has_collided = false;
         }
-        self.describe();
+        self.describe(&motion);
         self.note_standing(time_s, events);
         self.note_status(before, time_s, events);
     }
 
-    fn describe(&mut self) {
-        let (state, motion) = (&mut self.state, &self.motion);
+    /// Its last motion: its state has all of it.
+    fn motion(&self) -> Motion {
+        let state = &self.state;
+        Motion {
+            position: state.position,
+            orientation: state.orientation,
+            velocity_mps: state.velocity_mps,
+            speed_mps: state.speed_mps,
+            acceleration_mps2: state.acceleration_mps2,
+            yaw_rate_radps: state.yaw_rate_radps,
+            steering_rad: state.steering_rad,
+            wheels: state.wheels,
+        }
+    }
+
+    fn describe(&mut self, motion: &Motion) {
+        let state = &mut self.state;
         state.position = motion.position;
         state.orientation = motion.orientation;
         state.velocity_mps = motion.velocity_mps;
@@ -297,7 +356,7 @@ impl SimVehicle {
         let change = match &self.dynamics {
             Dynamics::Measured(measured) => measured.stand_change(),
             _ => {
-                let seen = MotionSample::exact(self.motion.speed_mps, self.motion.position.truncate());
+                let seen = MotionSample::exact(self.state.speed_mps, self.state.position.truncate());
                 self.stand.update(time_s, &seen)
             }
         };
@@ -347,7 +406,7 @@ impl SimVehicle {
     }
 
     fn moves(&self) -> bool {
-        self.motion.speed_mps.abs() >= STANDS_MPS
+        self.state.speed_mps.abs() >= STANDS_MPS
     }
 
     fn update_status(&mut self) {

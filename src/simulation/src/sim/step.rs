@@ -1,0 +1,202 @@
+//! One physics step of the world.
+//!
+//! A vehicle that is near no other goes through all of its step at once, while it is in the processor's cache: it takes its
+//! trajectory, decides, moves and describes itself. For the others the physics moves the bodies in between.
+
+use super::collision::Place;
+use super::vehicle::SimVehicle;
+use super::{World, WorldState};
+use city3d_dynamics::physics::{Impetus, Physics};
+use city3d_protocol::snapshot::{Event, EventKind, Trajectory};
+
+/// What lasts for a step: not state.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Buffers {
+    /// By vehicle.
+    places: Vec<Place>,
+    /// By vehicle.
+    sequels: Vec<Sequel>,
+    /// Whether all bodies stay in the physics, in tests.
+    pub(super) holds_all: bool,
+}
+
+/// What few vehicles have of a step: events, or a body in the physics.
+type Sequel = Option<Box<StepSequel>>;
+
+#[derive(Clone, Debug)]
+struct StepSequel {
+    /// Whether all of its step is done.
+    is_over: bool,
+    impetus: Option<Impetus>,
+    /// Before and after the physics.
+    events: [Vec<Event>; 2],
+}
+
+/// Times of a step, seconds.
+#[derive(Clone, Copy)]
+struct StepTimes {
+    before_s: f64,
+    after_s: f64,
+    dt_s: f64,
+    link_timeout_s: f64,
+}
+
+impl World {
+    /// Advances by one physics step; vehicles begin it with their trajectories, which are in the order of ids.
+    pub(super) fn step(&mut self, trajectories: &[&Trajectory], events: &mut Vec<Event>) {
+        let Self { experiment, state, buffers, solids, .. } = self;
+        let (rates, workers) = (&experiment.rates, &experiment.workers);
+        let times = StepTimes {
+            before_s: rates.time_s(state.tick),
+            after_s: rates.time_s(state.tick + 1),
+            dt_s: rates.dt_s(),
+            link_timeout_s: experiment.link_timeout_s,
+        };
+        state.tick += 1;
+        let WorldState { physics, vehicles, collisions, .. } = state;
+        let Buffers { places, sequels, .. } = buffers;
+        sequels.clear();
+        sequels.resize_with(vehicles.len(), || None);
+        let before = &*collisions;
+        places.resize(vehicles.len(), Place::default());
+        let begin = |vehicle: &mut SimVehicle, physics: &Physics, place: &mut Place, sequel: &mut Sequel| {
+            follow_own(vehicle, trajectories, times.before_s, times.link_timeout_s);
+            let mut events = [Vec::new(), Vec::new()];
+            let impetus =
+                vehicle.actuate(physics, times.before_s, times.dt_s, times.link_timeout_s, &mut events[0]);
+            let is_over = impetus.as_ref().is_some_and(|impetus| vehicle.advance(physics, impetus));
+            if is_over {
+                vehicle.read_back(physics, (times.after_s, times.dt_s), before, &mut events[1]);
+                *place = vehicle.place(times.dt_s);
+            }
+            if !is_over || events.iter().any(|events| !events.is_empty()) {
+                *sequel = Some(Box::new(StepSequel { is_over, impetus, events }));
+            }
+        };
+        workers.each_of_three((vehicles, places, sequels), |_, vehicle, place, sequel| {
+            begin(vehicle, physics, place, sequel);
+        });
+
+        let of_few =
+            |((vehicle, place), sequel)| Sequel::as_mut(sequel).map(|sequel| (vehicle, place, sequel));
+        let mut few: Vec<(&mut SimVehicle, &mut Place, &mut Box<StepSequel>)> =
+            vehicles.iter_mut().zip(&mut *places).zip(sequels).filter_map(of_few).collect();
+        for (vehicle, _, sequel) in &mut few {
+            if let Some(impetus) = sequel.impetus.as_ref().filter(|_| !sequel.is_over) {
+                vehicle.hold_if(true, physics);
+                physics.impel(vehicle.body(), impetus);
+            }
+            events.append(&mut sequel.events[0]);
+        }
+        physics.step();
+        workers.each(&mut few, |_, (vehicle, place, sequel)| {
+            if !sequel.is_over {
+                vehicle.read_back(physics, (times.after_s, times.dt_s), before, &mut sequel.events[1]);
+                **place = vehicle.place(times.dt_s);
+            }
+        });
+        few.iter_mut().for_each(|(_, _, sequel)| events.append(&mut sequel.events[1]));
+
+        let first = events.len();
+        collisions.find((vehicles, places), solids, times.after_s, events);
+        for event in &events[first..] {
+            for vehicle in &mut *vehicles {
+                let is_hit = matches!(event.kind, EventKind::Collision { with } if with == vehicle.state.id);
+                if is_hit || event.vehicle == vehicle.state.id {
+                    vehicle.collide();
+                }
+            }
+        }
+        for (vehicle, place) in vehicles.iter_mut().zip(&*places) {
+            let is_near = place.is_near || buffers.holds_all;
+            if is_near != place.is_held {
+                vehicle.hold_if(is_near, physics);
+            }
+        }
+    }
+}
+
+/// Gives a vehicle its own of many trajectories, which are in the order of ids.
+pub(super) fn follow_own(
+    vehicle: &mut SimVehicle,
+    trajectories: &[&Trajectory],
+    time_s: f64,
+    timeout_s: f64,
+) {
+    let id = vehicle.state.id;
+    let first = trajectories.partition_point(|trajectory| trajectory.vehicle < id);
+    for trajectory in trajectories[first..].iter().take_while(|trajectory| trajectory.vehicle == id) {
+        vehicle.follow(trajectory, time_s, timeout_s);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scenario::{Library, Overrides, read_experiment};
+    use city3d_protocol::snapshot::{FrameSnapshot, ModelKind, Pedals, SimCommand, VehicleId};
+    use std::sync::Arc;
+
+    fn world(scenario: &str, model: ModelKind) -> World {
+        let (text, library) = Library::scenario(scenario).unwrap();
+        let overrides = Overrides { model: Some(model), ..Overrides::default() };
+        World::new(Arc::new(read_experiment(scenario, &text, &library, overrides).unwrap()))
+    }
+
+    /// Vehicles in all hands, that run into each other and into houses and go on.
+    fn wild_drives(tick: u64, ids: &[VehicleId]) -> Vec<SimCommand> {
+        let mut state = tick + 1;
+        let mut random = || {
+            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            (state >> 33) as f64 / (1_u64 << 31) as f64
+        };
+        let pedals = |random: &mut dyn FnMut() -> f64| Pedals {
+            gas: random(),
+            brake: (2.0 * random() - 1.3).max(0.0),
+            steering_rad: random() - 0.5,
+            reverse: random() < 0.3,
+            ..Pedals::default()
+        };
+        let mut ids = ids.to_vec();
+        ids.sort();
+        ids.iter().map(|id| SimCommand::Drive(*id, pedals(&mut random))).collect()
+    }
+
+    /// Where a body has several contacts at once, the solver takes them in the order of its pairs' history, and the last bits
+    /// can be others: these drives have collisions one by one.
+    #[test]
+    fn vehicles_that_move_by_themselves_have_the_bits_of_those_in_the_physics() {
+        for (scenario, model, ticks, hit) in [
+            ("city", ModelKind::Raycast, 1800, 60),
+            ("student", ModelKind::Raycast, 3000, 5),
+            ("city", ModelKind::Bicycle, 3000, 60),
+        ] {
+            let mut worlds = [world(scenario, model), world(scenario, model)];
+            worlds[1].buffers.holds_all = true;
+            let ids: Vec<_> = worlds[0].snapshot().vehicles.iter().map(|vehicle| vehicle.id).collect();
+            let mut shots = [FrameSnapshot::default(), FrameSnapshot::default()];
+            let (mut collisions, mut free) = (0, 0);
+            for tick in 0..ticks {
+                let mut commands = Vec::new();
+                if tick == 0 {
+                    commands.push(SimCommand::Start);
+                }
+                if tick % 150 == 0 {
+                    commands.extend(wild_drives(tick, &ids));
+                }
+                for (world, shot) in worlds.iter_mut().zip(&mut shots) {
+                    world.tick_into(&commands, shot);
+                }
+                let [one, other] = &shots;
+                assert_eq!(one.state_hash, other.state_hash, "{scenario}, {model:?}: tick {tick}");
+                assert_eq!(one.events, other.events);
+                collisions += one.events.iter().filter(|event| event.kind.is_collision()).count();
+                free += worlds[0].state.vehicles.iter().filter(|vehicle| vehicle.is_free()).count();
+            }
+            assert!(collisions >= hit, "{scenario}, {model:?}: {collisions}");
+            let share = free as f64 / (ticks as f64 * ids.len() as f64);
+            assert!(share > 0.3, "{scenario}, {model:?}: {share}");
+            assert!(worlds[1].state.vehicles.iter().all(|vehicle| !vehicle.is_free()));
+        }
+    }
+}
