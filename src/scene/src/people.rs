@@ -22,7 +22,7 @@ const SEAT_M: f32 = 0.58;
 const SEATS_M: [f32; 2] = [-0.42, 0.40];
 /// Errors of the coarser levels, of the one without arms, and from which on nobody is drawn: that is how tall people are.
 const COARSER: [(u32, f32); 2] = [(4, 0.03), (3, 0.06)];
-const PLAIN_ERROR_M: f32 = 0.25;
+const PLAIN_ERROR_M: f32 = 0.33;
 const UNDRAWN_M: f32 = 1.75;
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
