@@ -2,10 +2,13 @@
 
 use super::Failure;
 use super::say::say;
+use miniz_oxide::inflate::decompress_to_vec_zlib;
 
-/// Written by `cargo xtask generate notices`.
-const NOTICES: &str = include_str!("../../../THIRD-PARTY-NOTICES.txt");
+/// What `cargo xtask generate notices` has written, compressed by `build.rs`.
+static NOTICES: &[u8] = include_bytes!(concat!(env!("OUT_DIR"), "/notices"));
 
 pub fn licenses() -> Result<(), Failure> {
-    say(NOTICES.trim_end())
+    // A test makes sure that they can be decompressed.
+    let notices = decompress_to_vec_zlib(NOTICES).unwrap_or_default();
+    say(String::from_utf8_lossy(&notices).trim_end())
 }

@@ -32,8 +32,10 @@ pub struct FittedCar {
     pub wheel: Vec<MeshPrimitive>,
     /// Coarser body, if the model has one.
     pub far_body: Option<Vec<MeshPrimitive>>,
-    /// Coarsest body, including its wheels.
+    /// Still coarser body, including its wheels.
     pub farther_body: Option<Vec<MeshPrimitive>>,
+    /// Coarsest body, including its wheels, if the model has one.
+    pub distant_body: Option<Vec<MeshPrimitive>>,
     /// Coarser wheel, if the model has one.
     pub far_wheel: Option<Vec<MeshPrimitive>>,
     /// Half the track width; `None` without wheels.
@@ -48,12 +50,13 @@ const NEAR_WHEEL: &str = "near_wheel";
 /// Name prefix of distant levels of detail.
 const FAR: &str = "far_";
 const FAR_WHEEL: &str = "far_wheel";
-/// Name prefix of the farthest level of detail, wheels included.
+/// Name prefixes of the farthest levels of detail, wheels included.
 const FARTHER: &str = "farther_";
+const DISTANT: &str = "distant_";
 
 /// Whether a node belongs to a finer or coarser level of detail than the usual one.
 pub fn is_other_lod(node: &ModelNode) -> bool {
-    [NEAR, FAR, FARTHER].iter().any(|prefix| node.name.starts_with(prefix))
+    [NEAR, FAR, FARTHER, DISTANT].iter().any(|prefix| node.name.starts_with(prefix))
 }
 
 /// Whether a part of the near level of a shipped car is only for clear glass: seen through it, or the cover of a lamp.
@@ -172,6 +175,7 @@ pub fn fitted(model: &Model, measures: &Measures) -> FittedCar {
     };
     let far = stretched(&|node| node.name.starts_with(FAR) && !node.name.starts_with(FAR_WHEEL));
     let farther = stretched(&|node| node.name.starts_with(FARTHER));
+    let distant = stretched(&|node| node.name.starts_with(DISTANT));
     let near = stretched(&|node| node.name.starts_with(NEAR) && !node.name.starts_with(NEAR_WHEEL));
     FittedCar {
         near_body: (!near.is_empty()).then_some(near),
@@ -180,6 +184,7 @@ pub fn fitted(model: &Model, measures: &Measures) -> FittedCar {
         wheel: wheels.first().map(|node| wheel(node)).unwrap_or_default(),
         far_body: (!far.is_empty()).then_some(far),
         farther_body: (!farther.is_empty()).then_some(farther),
+        distant_body: (!distant.is_empty()).then_some(distant),
         far_wheel: model.node(FAR_WHEEL).map(wheel),
         half_track: middles.map(|m| m.y.abs() * across).reduce(f32::max),
     }

@@ -1,7 +1,8 @@
 //! What an onboard camera sees of its carrier: the triangles of the body that are drawn, and the bottom rows of the picture
-//! that it covers entirely. The body is rasterised on the CPU; nothing else is drawn in those rows.
+//! that it covers entirely. The body is rasterised on the CPU with its depth; nothing else is drawn in those rows.
 
-use glam::{Mat4, Vec2, Vec3, Vec4};
+use glam::{Mat3, Mat4, Vec2, Vec3, Vec4};
+use std::ops::Range;
 
 /// Rows kept visible beyond the first covered row, against rounding.
 const MARGIN_ROWS: u32 = 2;
@@ -11,9 +12,13 @@ const BLOCK_ROWS: u32 = 4;
 const PROJECTION_TOLERANCE: f32 = 1e-4;
 /// Capacity of the cache, per vehicle mesh.
 const MAX_CACHED_VIEWS: usize = 256;
-/// Margins of what may be seen: as a share of half the picture, and of the product of three distances.
+/// Margins of what may be seen: as a share of half the picture, and of the sine of the angle to a face.
 const EDGE_MARGIN: f32 = 0.01;
-const FACING_MARGIN: f32 = 1e-3;
+const FACING_MARGIN: f32 = 3e-3;
+/// A face is looked for so many pixels around it: samples are beside the centres of pixels, and cameras share views.
+const REACH_PX: f32 = 1.0;
+/// Faces no farther behind others than this share of their distance are drawn: what lies on a surface.
+const DEPTH_MARGIN: f32 = 2e-3;
 
 /// What cameras see of the vehicles of one mesh that carried them, with what is kept to draw it.
 #[derive(Clone, Debug)]
@@ -28,7 +33,7 @@ pub(super) struct EgoView<T> {
     extent: [u32; 2],
     /// Number of rows from the top that the carrier does not cover entirely.
     pub(super) visible_rows: u32,
-    /// Made of the triangles in the picture that may face the camera.
+    /// Made of the triangles in the picture that may face the camera and are not behind others.
     pub(super) drawn: T,
 }
 
@@ -52,8 +57,13 @@ impl<T> EgoViews<T> {
         };
         let index = self.known.iter().position(is_same).unwrap_or_else(|| {
             let triangles: Vec<[Vec4; 3]> = triangles().collect();
-            let seen: Vec<usize> = (0..triangles.len()).filter(|&k| may_be_seen(&triangles[k])).collect();
-            let visible_rows = visible_rows(triangles.into_iter(), extent);
+            let faces: Vec<Option<FrontFace>> =
+                triangles.iter().map(|triangle| FrontFace::of(triangle, extent)).collect();
+            let nearest = NearestFaces::new(faces.iter().flatten(), extent);
+            let may_show = |k: usize| faces[k].as_ref().is_none_or(|face| nearest.may_show(face));
+            let is_seen = |&k: &usize| may_be_seen(&triangles[k]) && may_show(k);
+            let seen: Vec<usize> = (0..triangles.len()).filter(is_seen).collect();
+            let visible_rows = nearest.visible_rows();
             if self.known.len() == MAX_CACHED_VIEWS {
                 self.known.remove(0);
             }
@@ -73,24 +83,92 @@ fn may_be_seen(triangle: &[Vec4; 3]) -> bool {
         || beyond(&|at| at.y - at.w)
         || beyond(&|at| -at.y - at.w)
         || triangle.iter().all(|at| at.w < 0.0);
-    let [a, b, c] = triangle.map(|at| Vec3::new(at.x, at.y, at.w));
-    let facing = a.dot(b.cross(c));
-    !is_outside && facing > -FACING_MARGIN * a.length() * b.length() * c.length()
+    !is_outside && facing(triangle) > -FACING_MARGIN
 }
 
-/// Rasterises the front faces and counts the rows above the covered block at the bottom.
-fn visible_rows(triangles: impl Iterator<Item = [Vec4; 3]>, [width, height]: [u32; 2]) -> u32 {
-    let mut covered = vec![false; (width * height) as usize];
-    let scale = Vec2::new(width as f32, -(height as f32)) / 2.0;
-    for triangle in triangles {
-        let outline: Vec<Vec2> = clip_to_near_plane(&triangle)
+/// The sine of the angle under which a ray to a triangle meets it, negative from behind; in the frame of the picture, whose
+/// axes are stretched.
+fn facing(triangle: &[Vec4; 3]) -> f32 {
+    let [a, b, c] = triangle.map(|at| Vec3::new(at.x, at.y, at.w));
+    let normal = (b - a).cross(c - a);
+    a.dot(normal) / (a.length() * normal.length()).max(f32::MIN_POSITIVE)
+}
+
+/// A triangle that faces the eye, in the picture.
+struct FrontFace {
+    /// Corners in pixels from the upper left, y downwards.
+    outline: Vec<Vec2>,
+    /// Its inverse distance along the optical axis is `x * plane.x + y * plane.y + plane.z`.
+    plane: Vec3,
+}
+
+impl FrontFace {
+    /// `None` for a triangle that is turned away or seen edge on, and where nothing of it is in front of the near plane.
+    fn of(triangle: &[Vec4; 3], [width, height]: [u32; 2]) -> Option<Self> {
+        if facing(triangle) <= FACING_MARGIN {
+            return None;
+        }
+        let scale = Vec2::new(width as f32, -(height as f32)) / 2.0;
+        let outline: Vec<Vec2> = clip_to_near_plane(triangle)
             .map(|corner| (corner.truncate().truncate() / corner.w + Vec2::new(1.0, -1.0)) * scale)
             .collect();
-        rasterize(&outline, &mut covered, width as usize);
+        // 1/w is linear on the screen: a x + b y + c w = 1 at all corners (Olano, Greer 1997).
+        let [p, q, r] = triangle.map(|at| Vec3::new(at.x, at.y, at.w));
+        let [a, b, c] = (Mat3::from_cols(p, q, r).transpose().inverse() * Vec3::ONE).to_array();
+        let plane = Vec3::new(a / scale.x, b / scale.y, c - a + b);
+        (outline.len() > 2).then_some(Self { outline, plane })
     }
-    let rows = covered.chunks_exact(width as usize).rev();
-    let hidden = rows.take_while(|row| row.iter().all(|&is_covered| is_covered)).count() as u32;
-    (height - hidden.saturating_sub(MARGIN_ROWS)).next_multiple_of(BLOCK_ROWS).min(height)
+
+    fn inverse_distance(&self, at: Vec2) -> f32 {
+        self.plane.truncate().dot(at) + self.plane.z
+    }
+}
+
+/// The nearest front face at the centre of each pixel (z-buffer; Catmull 1974).
+struct NearestFaces {
+    extent: [u32; 2],
+    /// Inverse distances; 0 where there is none.
+    inverse_distances: Vec<f32>,
+}
+
+impl NearestFaces {
+    fn new<'a>(faces: impl Iterator<Item = &'a FrontFace>, extent: [u32; 2]) -> Self {
+        let mut inverse_distances = vec![0.0_f32; (extent[0] * extent[1]) as usize];
+        for face in faces {
+            for (row, columns) in spans(&face.outline, 0.0, extent) {
+                for column in columns {
+                    let nearest = &mut inverse_distances[row * extent[0] as usize + column];
+                    *nearest = nearest.max(face.inverse_distance(centre(column, row)));
+                }
+            }
+        }
+        Self { extent, inverse_distances }
+    }
+
+    /// Whether some part of a face may be in front of the others. Errs towards yes.
+    fn may_show(&self, face: &FrontFace) -> bool {
+        let slack = 1.5 * REACH_PX * (face.plane.x.abs() + face.plane.y.abs());
+        let most = face.outline.iter().map(|&at| face.inverse_distance(at)).fold(0.0, f32::max);
+        spans(&face.outline, REACH_PX, self.extent).any(|(row, mut columns)| {
+            columns.any(|column| {
+                let here = (face.inverse_distance(centre(column, row)) + slack).min(most);
+                here >= (1.0 - DEPTH_MARGIN) * self.inverse_distances[row * self.extent[0] as usize + column]
+            })
+        })
+    }
+
+    /// Counts the rows above the covered block at the bottom.
+    fn visible_rows(&self) -> u32 {
+        let [width, height] = self.extent;
+        let rows = self.inverse_distances.chunks_exact(width as usize).rev();
+        let hidden = rows.take_while(|row| row.iter().all(|&nearest| nearest > 0.0)).count() as u32;
+        (height - hidden.saturating_sub(MARGIN_ROWS)).next_multiple_of(BLOCK_ROWS).min(height)
+    }
+}
+
+/// The centre of pixel k is at k + 0.5.
+fn centre(column: usize, row: usize) -> Vec2 {
+    Vec2::new(column as f32, row as f32) + 0.5
 }
 
 /// Clips a triangle against the near plane of the reversed depth, where depth is less than 1.
@@ -104,33 +182,32 @@ fn clip_to_near_plane(triangle: &[Vec4; 3]) -> impl Iterator<Item = Vec4> {
     })
 }
 
-/// Scan-line rasterisation: marks the pixels whose centres a front-facing convex polygon covers. It is
-/// counter-clockwise, so clockwise with y downwards.
-fn rasterize(outline: &[Vec2], covered: &mut [bool], width: usize) {
-    let sides = || outline.iter().zip(outline.iter().cycle().skip(1));
-    let twice_area: f32 = sides().map(|(a, b)| a.perp_dot(*b)).sum();
-    if twice_area >= 0.0 {
-        return;
-    }
-    let height = covered.len() / width;
+/// Scan-line rasterisation: rows and columns of the pixels whose centres are in a convex polygon, or so close to it.
+fn spans(
+    outline: &[Vec2],
+    reach: f32,
+    [width, height]: [u32; 2],
+) -> impl Iterator<Item = (usize, Range<usize>)> + '_ {
     let ys = || outline.iter().map(|at| at.y);
     let [top, bottom] = [ys().fold(f32::INFINITY, f32::min), ys().fold(f32::NEG_INFINITY, f32::max)];
-    // The centre of pixel k is at k + 0.5.
-    let first = (top - 0.5).ceil().max(0.0) as usize;
-    let end = ((bottom - 0.5).floor() + 1.0).clamp(0.0, height as f32) as usize;
-    for row in first..end {
+    let pixels = move |from: f32, to: f32, size: u32| {
+        let from = (from - reach - 0.5).ceil().clamp(0.0, size as f32) as usize;
+        from..(((to + reach - 0.5).floor() + 1.0).clamp(0.0, size as f32) as usize).max(from)
+    };
+    pixels(top, bottom, height).map(move |row| {
         let y = row as f32 + 0.5;
-        let crossings = sides()
-            .filter(|(a, b)| (a.y <= y) != (b.y <= y))
-            .map(|(a, b)| a.x + (b.x - a.x) * (y - a.y) / (b.y - a.y));
-        let (left, right) =
-            crossings.fold((f32::INFINITY, f32::NEG_INFINITY), |(l, r), x| (l.min(x), r.max(x)));
-        let from = (left - 0.5).ceil().clamp(0.0, width as f32) as usize;
-        let to = ((right - 0.5).floor() + 1.0).clamp(0.0, width as f32) as usize;
-        if from < to {
-            covered[row * width + from..row * width + to].fill(true);
-        }
-    }
+        let crossings = |y: f32| {
+            let sides = outline.iter().zip(outline.iter().cycle().skip(1));
+            let crossed = sides.filter(move |(a, b)| (a.y <= y) != (b.y <= y));
+            crossed.map(move |(a, b)| a.x + (b.x - a.x) * (y - a.y) / (b.y - a.y))
+        };
+        let corners = outline.iter().filter(move |at| (at.y - y).abs() < reach).map(|at| at.x);
+        let (left, right) = crossings(y - reach)
+            .chain(crossings(y + reach))
+            .chain(corners)
+            .fold((f32::INFINITY, f32::NEG_INFINITY), |(l, r), x| (l.min(x), r.max(x)));
+        (row, pixels(left, right, width))
+    })
 }
 
 #[cfg(test)]
@@ -217,5 +294,32 @@ mod tests {
         // A floor that reaches from behind the eye to far ahead.
         let [a, b, c] = [(-3.0, 9.0), (-3.0, -9.0), (40.0, 0.0)].map(|(x, y)| Vec3::new(x, y, 0.9));
         assert_eq!(seen(vec![[a, b, c]]), 1);
+    }
+
+    #[test]
+    fn what_is_behind_other_faces_is_not_drawn() {
+        let lens = Lens { extent: [64, 48], ..Lens::default() };
+        let eye = DVec3::new(0.0, 0.0, 1.4);
+        let clip = View::new(Extrinsics::looking_at(eye, eye + DVec3::X), &lens).clip_from_world().as_mat4();
+        let seen = |sheets: &[Vec<[Vec3; 3]>]| {
+            let faces = sheets.concat();
+            let triangles = || faces.iter().map(|face| face.map(|at| clip * at.extend(1.0)));
+            EgoViews::default().of(clip, lens.extent, triangles, <[usize]>::to_vec).drawn
+        };
+        let screen = || sheet(2.0, [1.0, 1.8], 0.5);
+        // Behind it, before it, on it, beside it and beyond its edge by three pixels.
+        assert_eq!(seen(&[screen(), sheet(4.0, [1.0, 1.8], 0.5)]), [0, 1]);
+        assert_eq!(seen(&[screen(), sheet(1.0, [1.3, 1.5], 0.1)]), [0, 1, 2, 3]);
+        assert_eq!(seen(&[screen(), sheet(1.999, [1.3, 1.5], 0.1)]), [0, 1, 2, 3]);
+        assert_eq!(seen(&[screen(), sheet(4.0, [2.0, 2.6], 0.5)]), [0, 1, 2, 3]);
+        assert_eq!(seen(&[screen(), sheet(4.0, [1.0, 2.4], 0.5)]), [0, 1, 2, 3]);
+        // Of a floor that goes on under the screen, what is nearer is seen.
+        let floor = |[from, to]: [f32; 2]| {
+            let [a, b, c, d] =
+                [(from, 0.4), (from, -0.4), (to, -0.4), (to, 0.4)].map(|(x, y)| Vec3::new(x, y, 1.05));
+            vec![[a, b, c], [a, c, d]]
+        };
+        assert_eq!(seen(&[screen(), floor([1.0, 2.5])]), [0, 1, 2, 3]);
+        assert_eq!(seen(&[screen(), floor([2.2, 2.5])]), [0, 1]);
     }
 }

@@ -3,7 +3,7 @@
 use super::ground_sheet::GRASS_M;
 use super::mesh::{Class, Finish, Mesh, Surface, Vertex};
 use super::{InstancedObject, LodMesh, SceneObject};
-use city3d_models::{Material, MeshPrimitive, Model, ModelNode, is_for_clear_glass};
+use city3d_models::{Material, MeshPrimitive, Model, is_for_clear_glass, is_other_lod};
 use city3d_roadmap::{CityMap, PlacedModel};
 use glam::{Affine3A, Quat, Vec2, Vec3};
 use std::collections::BTreeMap;
@@ -76,12 +76,10 @@ fn laid_on(position: Vec3, normal: Vec3) -> Vec2 {
 /// levels is where each of its wheels is.
 fn parts_of<'a>(model: &'a Model, prefix: Option<&str>) -> Vec<(Affine3A, &'a [MeshPrimitive])> {
     let wheels = || model.nodes.iter().filter(|node| node.name.starts_with("wheel"));
-    let is_usual =
-        |node: &ModelNode| [NEAR, FAR[0], FAR[1]].iter().all(|other| !node.name.starts_with(other));
     let mut parts = Vec::new();
     for node in &model.nodes {
         let Some(prefix) = prefix else {
-            if is_usual(node) {
+            if !is_other_lod(node) {
                 parts.push((node.model_from_mesh, model.parts(node)));
             }
             continue;

@@ -1,8 +1,8 @@
 //! Parked cars in the bays of car parks.
 
+use super::SceneObject;
 use super::car_parks::{CAR_PARK_M, ParkingBay, bays_of};
 use super::mesh::{Class, Finish, Mesh, Surface, Vertex};
-use super::{LodMesh, SceneObject};
 use city3d_models::{Measures, MeshPrimitive, fitted, glb, shipped};
 use city3d_roadmap::{CityMap, Footprint, SceneryKind};
 use glam::{Affine3A, Mat3, Vec3};
@@ -57,8 +57,8 @@ const BODIES: [(&str, f32); 4] =
     [("hatchback.glb", 1.48), ("sedan.glb", SEDAN_M), ("suv.glb", 1.74), ("van.glb", 2.10)];
 const SEDAN_M: f32 = 1.45;
 
-/// Error of the simplified bodies.
-const COARSENESS_M: f32 = 0.16;
+/// Errors of the coarser bodies: their corners are no farther off the finest one.
+const COARSER_M: [f32; 3] = [0.16, 0.25, 0.4];
 
 /// A white car at all levels of detail, origin at the middle of its outline on the ground.
 fn car_object((file, height): (&str, f32)) -> SceneObject {
@@ -66,18 +66,22 @@ fn car_object((file, height): (&str, f32)) -> SceneObject {
     let model = shipped(file).and_then(|bytes| glb::read(bytes).ok()).unwrap_or_default();
     let model = fitted(&model, &Measures { height, ..SIZE });
     let half_track = model.half_track.unwrap_or(0.8);
-    let bodies = [Some(&model.body), model.far_body.as_ref()];
-    let wheels = [Some(&model.wheel), model.far_wheel.as_ref()];
-    let mut object = SceneObject::default();
-    for ((error_m, body), wheel) in [0.0, COARSENESS_M].into_iter().zip(bodies).zip(wheels) {
+    let assembled = |body: &[MeshPrimitive], wheel: &[MeshPrimitive]| {
         let mut mesh = Mesh::default();
-        add(&mut mesh, body.unwrap_or(&model.body), |v| v, |n| n);
+        add(&mut mesh, body, |v| v, |n| n);
         for (x, side) in [(1.0, 1.0), (1.0, -1.0), (-1.0, 1.0), (-1.0, -1.0_f32)] {
             let hub = Vec3::new(x * SIZE.wheelbase / 2.0, side * half_track, SIZE.wheel_radius);
             let about = |v: Vec3| Vec3::new(side * v.x, side * v.y, v.z);
-            add(&mut mesh, wheel.unwrap_or(&model.wheel), |v| hub + about(v), about);
+            add(&mut mesh, wheel, |v| hub + about(v), about);
         }
-        object.levels.push(LodMesh { mesh, error_m });
+        mesh
+    };
+    let mut object = SceneObject::of_one_level(assembled(&model.body, &model.wheel));
+    let far_wheel = model.far_wheel.as_ref().unwrap_or(&model.wheel);
+    let coarser = [(&model.far_body, &far_wheel[..]), (&model.farther_body, &[]), (&model.distant_body, &[])];
+    for ((body, wheel), error_m) in coarser.into_iter().zip(COARSER_M) {
+        let mesh = body.as_ref().map(|body| assembled(body, wheel)).unwrap_or_default();
+        object.add_level(mesh, error_m);
     }
     object.add_coarser_levels();
     object

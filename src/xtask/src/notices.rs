@@ -55,6 +55,7 @@ impl ShippedCrate {
 }
 
 /// Crates of the program and of the Python package on Linux by normal dependencies, without those that only run in the compiler.
+/// Build dependencies of our own crates count: `build.rs` puts what is in them, such as fonts, into the program.
 ///
 /// # Errors
 /// When `cargo metadata` fails; it needs no network where the program was built.
@@ -78,17 +79,17 @@ pub fn shipped_crates(root: &Path) -> Result<BTreeSet<ShippedCrate>, String> {
         let package = packages.values().find(is_it).ok_or(format!("there is no package {name}"))?;
         Ok::<_, String>(text(&package["id"]))
     };
+    let ours: BTreeSet<&str> = list(&metadata["workspace_members"]).map(text).collect();
     let (mut open, mut known) = (vec![of_name("city3d")?, of_name("city3d-python")?], BTreeSet::new());
     while let Some(id) = open.pop() {
         let (Some(package), Some(node)) = (packages.get(id), nodes.get(id)) else { continue };
         if is_proc_macro(package) || !known.insert(id) {
             continue;
         }
-        let normal =
-            list(&node["deps"]).filter(|dep| list(&dep["dep_kinds"]).any(|kind| kind["kind"].is_null()));
-        open.extend(normal.map(|dep| text(&dep["pkg"])));
+        let is_in = |kind: &Value| kind["kind"].is_null() || (kind["kind"] == "build" && ours.contains(id));
+        let shipped = list(&node["deps"]).filter(|dep| list(&dep["dep_kinds"]).any(is_in));
+        open.extend(shipped.map(|dep| text(&dep["pkg"])));
     }
-    let ours: BTreeSet<&str> = list(&metadata["workspace_members"]).map(text).collect();
     let of_others = known.iter().filter(|id| !ours.contains(*id)).map(|id| packages[id]);
     Ok(of_others.map(shipped).collect())
 }

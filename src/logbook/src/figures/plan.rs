@@ -2,6 +2,7 @@
 
 use super::chart::{Figure, GREY, LegendEntry, LineStyle};
 use super::draw::{DrawError, FAMILY, FigureSize, MM_PER_PT, RASTER_SIZE, SMALL_PT, TEXT_PT, plot};
+use miniz_oxide::inflate::decompress_to_vec_zlib;
 use plotters::style::{FontFamily, FontStyle, TextStyle, register_font};
 use std::sync::OnceLock;
 
@@ -180,13 +181,19 @@ fn wrapped(text: &str, points: f64, most_mm: f64) -> Result<Vec<String>, DrawErr
     Ok(lines)
 }
 
+/// DejaVu Sans, compressed by `build.rs`.
+static SANS: &[u8] = include_bytes!(concat!(env!("OUT_DIR"), "/regular"));
+static SANS_BOLD: &[u8] = include_bytes!(concat!(env!("OUT_DIR"), "/bold"));
+
 /// Registers the embedded font once.
 fn font() -> Result<(), DrawError> {
     static IS_THERE: OnceLock<bool> = OnceLock::new();
-    let register = || {
-        let normal = register_font(FAMILY, FontStyle::Normal, dejavu::sans::regular());
-        normal.and_then(|()| register_font(FAMILY, FontStyle::Bold, dejavu::sans::bold())).is_ok()
+    let add = |style, compressed| {
+        // Fonts stay registered until the program ends.
+        let font = decompress_to_vec_zlib(compressed).ok()?.leak();
+        register_font(FAMILY, style, font).ok()
     };
+    let register = || add(FontStyle::Normal, SANS).and_then(|()| add(FontStyle::Bold, SANS_BOLD)).is_some();
     IS_THERE.get_or_init(register).then_some(()).ok_or(DrawError::Font)
 }
 

@@ -10,7 +10,7 @@ use std::sync::Arc;
 /// Cell edges of vertex clustering for models without coarse meshes of their own; the second level includes the wheels.
 const COARSENESS_M: [f32; 2] = [0.16, 0.4];
 /// Least errors of the coarser levels: positions of lamps and windows.
-const LEAST_ERRORS_M: [f32; 2] = [0.05, 0.12];
+const LEAST_ERRORS_M: [f32; 3] = [0.05, 0.12, 0.3];
 /// What a camera behind the windscreen does not see of its own car: the inside of the roof and the doors, for it may be above
 /// the lining of the roof.
 const UNSEEN_FROM_INSIDE: &str = "lining";
@@ -114,9 +114,11 @@ impl VehicleModels {
         };
         let lenses = body.lenses();
         let mut levels = vec![FittedLod { body, wheel, error_m: 0.0 }];
-        for ((body, wheel), least_m) in
-            [(far_body, far_wheel), (farther, VehicleMesh::default())].into_iter().zip(LEAST_ERRORS_M)
-        {
+        let mut coarser = vec![(far_body, far_wheel), (farther, VehicleMesh::default())];
+        coarser.extend(
+            fitted.distant_body.as_ref().map(|parts| (VehicleMesh::new(parts), VehicleMesh::default())),
+        );
+        for ((body, wheel), least_m) in coarser.into_iter().zip(LEAST_ERRORS_M) {
             let before_m = levels.last().map_or(0.0, |level| level.error_m);
             let error_m = finest.outline_apart(&whole(&body, &wheel)).max(least_m).max(before_m);
             levels.push(FittedLod { body, wheel, error_m });
@@ -204,10 +206,11 @@ mod tests {
             let fitted = VehicleModels::default().fit(kind, &d);
             let counts: Vec<usize> = fitted.levels.iter().map(faces).collect();
             let errors: Vec<f32> = fitted.levels.iter().map(|level| level.error_m).collect();
-            assert_eq!(counts.len(), 3, "{kind:?}");
+            assert_eq!(counts.len(), 4, "{kind:?}");
             let body = fitted.levels[1].body.indices.len() / 3;
             assert!(body < 420 && counts[1] * 2 < counts[0] && counts[2] < 160, "{kind:?}: {counts:?}");
-            assert!(errors[1] < 0.08 && errors[2] < 0.25, "{kind:?}: {errors:?}");
+            assert!(counts[3] < 60, "{kind:?}: {counts:?}");
+            assert!(errors[1] < 0.08 && errors[2] < 0.25 && errors[3] < 0.4, "{kind:?}: {errors:?}");
             for level in &fitted.levels {
                 for lamp in LAMPS {
                     assert!(has(level, lamp), "{kind:?} without {lamp:?} at {} m", level.error_m);

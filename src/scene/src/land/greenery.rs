@@ -17,13 +17,13 @@ use std::f32::consts::TAU;
 /// Edges of tiles, the units of culling, from these distances from the town on: houses hide small ones as a whole.
 const TILES_M: [(f64, f64); 3] = [(1400.0, 208.0), (560.0, 104.0), (0.0, 52.0)];
 /// Levels of detail: triangles of a tree at most, and how far what is drawn may be from the finest.
-const LEVELS: [(usize, f32); 4] = [(74, 0.0), (30, 0.6), (16, 1.8), (TENT_SIDES, 3.0)];
+const LEVELS: [(usize, f32); 4] = [(74, 0.0), (30, 0.6), (16, 1.7), (TENT_SIDES, 2.4)];
 /// Woods keep to this share of those errors: their crowns hide one another.
 const WOOD_SHARE: f32 = 0.9;
 /// Coarser levels of woods: one crown stands for all in one of so many by so many parts of a tile. Its error as a share of
 /// the part: from the ground, where most cameras are, only heights count that far away.
 const GROUPS: [u32; 3] = [4, 2, 1];
-const GROUP_ERROR: f32 = 0.09;
+const GROUP_ERROR: f32 = 0.07;
 /// Crowns reach no farther than this multiple of their radius.
 const BROADEST: f32 = 1.4;
 /// Errors of neighbouring levels differ by this at least.

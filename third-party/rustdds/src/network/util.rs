@@ -15,11 +15,9 @@ use crate::{
   structure::locator::Locator,
 };
 
-/// Platform-neutral view of one network-interface address.
+/// One address of a network interface.
 ///
-/// [`netdev`] gives us a single cross-platform enumeration; we normalize its
-/// per-interface data into this small struct (one entry per assigned IP). The
-/// inner helper functions then operate on `IfAddr` alone, which keeps them free
+/// The inner helper functions operate on `IfAddr` alone, which keeps them free
 /// of any enumeration dependency and makes them trivially unit-testable.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) struct IfAddr {
@@ -39,53 +37,45 @@ pub(crate) struct IfAddr {
 }
 
 // ---------------------------------------------------------------------------
-// Interface enumeration (cross-platform, via netdev)
+// Interface enumeration
 // ---------------------------------------------------------------------------
 
-/// Enumerate all interface addresses across platforms using [`netdev`].
+/// Enumerate all interface addresses by `getifaddrs`, one [`IfAddr`] per
+/// assigned IP.
 ///
-/// `netdev::get_interfaces()` yields one [`netdev::Interface`] per interface
-/// with its index, MTU, loopback/multicast flags and the list of assigned
-/// IPv4/IPv6 prefixes. We flatten this into one [`IfAddr`] per assigned IP so
-/// the existing locator/multicast/ifindex helpers keep working unchanged, while
-/// the new fields (`netmask`, `mtu`) enable per-peer path-MTU resolution.
-///
-/// This is infallible in practice (netdev returns an empty list rather than an
-/// error), but the signature is kept as `io::Result` for API compatibility with
-/// the previous per-platform implementations.
+/// The published crate does this by `netdev`, which reads routes, gateways and
+/// link attributes as well.
 fn enumerate_interfaces() -> io::Result<Vec<IfAddr>> {
-  let mut result = Vec::new();
+  use nix::net::if_::{if_nametoindex, InterfaceFlags};
 
-  for iface in netdev::get_interfaces() {
-    let index = iface.index;
-    let is_loopback = iface.is_loopback();
-    let is_multicast = iface.is_multicast();
-    let mtu = iface.mtu;
+  let v4 = |address: Option<nix::sys::socket::SockaddrStorage>| {
+    address.and_then(|address| Some(address.as_sockaddr_in()?.ip()))
+  };
+  let addresses = nix::ifaddrs::getifaddrs()?.filter_map(|interface| {
+    let address = interface.address?;
+    let ip = match v4(Some(address)) {
+      Some(ip) => IpAddr::V4(ip),
+      None => IpAddr::V6(address.as_sockaddr_in6()?.ip()),
+    };
+    // Without the label of a second address, as in `eth0:1`.
+    let name = interface.interface_name.split(':').next().unwrap_or_default();
+    Some(IfAddr {
+      ip,
+      index: if_nametoindex(name).unwrap_or(0),
+      is_loopback: interface.flags.contains(InterfaceFlags::IFF_LOOPBACK),
+      is_multicast: interface.flags.contains(InterfaceFlags::IFF_MULTICAST),
+      // IPv4-only subnet matching for now; IPv6 peers fall back to default.
+      netmask: v4(interface.netmask),
+      mtu: mtu(name),
+    })
+  });
+  Ok(addresses.collect())
+}
 
-    for net in &iface.ipv4 {
-      result.push(IfAddr {
-        ip: IpAddr::V4(net.addr()),
-        index,
-        is_loopback,
-        is_multicast,
-        netmask: Some(net.netmask()),
-        mtu,
-      });
-    }
-    for net in &iface.ipv6 {
-      result.push(IfAddr {
-        ip: IpAddr::V6(net.addr()),
-        index,
-        is_loopback,
-        is_multicast,
-        // IPv4-only subnet matching for now; IPv6 peers fall back to default.
-        netmask: None,
-        mtu,
-      });
-    }
-  }
-
-  Ok(result)
+/// The MTU of an interface as Linux tells it; elsewhere it is unknown.
+fn mtu(interface: &str) -> Option<u32> {
+  let told = std::fs::read_to_string(format!("/sys/class/net/{interface}/mtu")).ok()?;
+  told.trim().parse().ok()
 }
 
 // ---------------------------------------------------------------------------

@@ -151,7 +151,7 @@ impl HeavyShape {
     }
 
     /// The section at a height.
-    fn at(&self, z: f32) -> HullRow {
+    pub(super) fn at(&self, z: f32) -> HullRow {
         let rows = self.hull.rows;
         let after = rows.partition_point(|r| r.z < z).clamp(1, rows.len() - 1);
         let (a, b) = (rows[after - 1], rows[after]);

@@ -3,6 +3,7 @@
 mod body;
 mod cabin;
 mod close;
+mod distant;
 mod heavy;
 mod heavy_close;
 mod heavy_trim;
@@ -65,8 +66,8 @@ impl CarDetail {
     }
 }
 
-/// The model of a body type: nodes `near_body`, `near_wheel`, `body`, four wheels, `far_body`, `far_wheel`, and `farther_body` with
-/// wheels of its own.
+/// The model of a body type: nodes `near_body`, `near_wheel`, `body`, four wheels, `far_body`, `far_wheel`, and `farther_body` and
+/// `distant_body` with wheels of their own.
 pub fn model(shape: &CarShape) -> Model {
     let bodies = [CarDetail::Near, CarDetail::Far, CarDetail::Farther, CarDetail::Close].map(|detail| {
         let mut builder = PrimitiveBuilder::default();
@@ -85,6 +86,7 @@ pub fn model(shape: &CarShape) -> Model {
     });
     assembled(
         bodies,
+        distant::car(shape),
         WheelPlaces {
             radius: WHEEL_RADIUS_M,
             width: wheel::WIDTH_M,
@@ -113,6 +115,7 @@ pub fn heavy_model(shape: &HeavyShape) -> Model {
     });
     assembled(
         bodies,
+        distant::heavy(shape),
         WheelPlaces {
             radius: shape.wheel_radius,
             width: shape.wheel_width,
@@ -131,8 +134,8 @@ struct WheelPlaces {
     out: f32,
 }
 
-/// A model with wheels of its bodies: the usual one, the coarser ones, and the near one.
-fn assembled(bodies: [Vec<MeshPrimitive>; 4], places: WheelPlaces) -> Model {
+/// A model with wheels of its bodies: the usual one, the coarser ones, the near one, and the coarsest.
+fn assembled(bodies: [Vec<MeshPrimitive>; 4], distant: Vec<MeshPrimitive>, places: WheelPlaces) -> Model {
     let WheelPlaces { radius, width, wheelbase, out } = places;
     let standing = |name: &str, mesh, height| ModelNode {
         name: name.to_owned(),
@@ -158,7 +161,8 @@ fn assembled(bodies: [Vec<MeshPrimitive>; 4], places: WheelPlaces) -> Model {
     }
     let wheels =
         [wheel::wheel(radius, width), wheel::far_wheel(radius, width), wheel::near_wheel(radius, width)];
-    let meshes = bodies.into_iter().chain(wheels).collect();
+    nodes.push(standing("distant_body", first + wheels.len(), 0.0));
+    let meshes = bodies.into_iter().chain(wheels).chain([distant]).collect();
     Model { meshes, nodes }
 }
 
