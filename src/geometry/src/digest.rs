@@ -10,7 +10,7 @@ use glam::{DQuat, DVec2, DVec3};
 
 /// Incremented when the same experiment and commands lead to other states, or the same states to other
 /// digests. Logs of another revision cannot be replayed bit by bit.
-pub const REVISION: u32 = 2;
+pub const REVISION: u32 = 3;
 
 /// State that determines the future of a run.
 pub trait Digest {

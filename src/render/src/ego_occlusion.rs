@@ -304,7 +304,7 @@ mod tests {
         let seen = |sheets: &[Vec<[Vec3; 3]>]| {
             let faces = sheets.concat();
             let triangles = || faces.iter().map(|face| face.map(|at| clip * at.extend(1.0)));
-            EgoViews::default().of(clip, lens.extent, triangles, <[usize]>::to_vec).drawn
+            EgoViews::default().of(clip, lens.extent, triangles, <[usize]>::to_vec).drawn.clone()
         };
         let screen = || sheet(2.0, [1.0, 1.8], 0.5);
         // Behind it, before it, on it, beside it and beyond its edge by three pixels.
