@@ -10,7 +10,7 @@ use super::{
     PictureRequest, PictureSlot, UiAction, UiState, ViewModel, Viewpoint, editing, legend, map, overlay,
     rain, rulers, status, theme,
 };
-use city3d_protocol::snapshot::{FrameSnapshot, Status, VehicleId};
+use city3d_protocol::snapshot::{FrameSnapshot, Status, VehicleId, VehicleState};
 use city3d_roadmap::CityMap;
 use city3d_sensors::{BoundingBox, PictureKind, Weather};
 use city3d_session::{OFF_ROAD_M, RunPhase, is_beside_road};
@@ -200,7 +200,7 @@ fn dashboard(ui: &Ui, rect: Rect, state: &UiState, shown: &ViewModel<'_>) -> Opt
         if vehicle.speed_mps > -ROLLS_BACK_MPS { vehicle.speed_mps.abs() } else { vehicle.speed_mps };
     let speed = units.dashboard(speed_mps, scale, state.preferences.decimal);
     let speed = status::speed_words(vehicle.status, speed);
-    let trouble = trouble(state, shown, vehicle.status, pedals.reverse);
+    let trouble = trouble(state, shown, vehicle, pedals.reverse);
     let place = vehicle.position.truncate();
     let left = || map::way_back(shown.map, place);
     let is_off = || is_beside_road(shown.map, place) && !shown.roads_out.is_near(place, OFF_ROAD_M);
@@ -292,7 +292,8 @@ fn driving_keys(keys: &KeyMap, is_by_device: bool) -> Vec<String> {
 }
 
 /// Why the vehicle does not obey its driver.
-fn trouble(state: &UiState, shown: &ViewModel<'_>, status: Status, reverse: bool) -> Option<String> {
+fn trouble(state: &UiState, shown: &ViewModel<'_>, vehicle: &VehicleState, reverse: bool) -> Option<String> {
+    let status = vehicle.status;
     let keys = &state.keys;
     let of = |command: &Command| keys.first(&command.binding());
     let gas = keys.first(&DRIVING_KEYS.gas);
@@ -305,9 +306,17 @@ fn trouble(state: &UiState, shown: &ViewModel<'_>, status: Status, reverse: bool
             of(&START_OR_PAUSE),
             of(&RESET)
         )),
-        (RunPhase::Running, Status::Collided) if reverse => Some(format!("Collided: {gas} backs off")),
         (RunPhase::Running, Status::Collided) => {
-            Some(format!("Collided: {} then {gas} backs off; {gas} alone pushes on", of(&REVERSE)))
+            let gear = of(&REVERSE);
+            Some(match (struck_is_ahead(shown, vehicle), reverse) {
+                (Some(is_ahead), reverse) if is_ahead == reverse => {
+                    format!("Collided: {gas} drives off, away from what was hit")
+                }
+                (Some(_), _) => {
+                    format!("Collided: {gear} (gear) then {gas} drives off; {gas} alone pushes on")
+                }
+                (None, _) => format!("Collided: drive off, away from what was hit; {gear} changes the gear"),
+            })
         }
         (RunPhase::Running, _) | (RunPhase::Failed(_), _) => None,
         (RunPhase::Paused, _) if shown.has_begun() => {
@@ -315,6 +324,17 @@ fn trouble(state: &UiState, shown: &ViewModel<'_>, status: Status, reverse: bool
         }
         _ => Some(format!("Paused: {} starts the run", of(&START_OR_PAUSE))),
     }
+}
+
+/// Whether the vehicle that is nearest to one is ahead of it; `None` where none is near enough to have been hit.
+fn struck_is_ahead(shown: &ViewModel<'_>, vehicle: &VehicleState) -> Option<bool> {
+    /// Between the middles of two vehicles that touch, at most, metres.
+    const TOUCHING_M: f64 = 9.0;
+    let to = |other: &VehicleState| (other.position - vehicle.position).truncate();
+    let others = shown.run_state.now.vehicles.iter().filter(|other| other.id != vehicle.id);
+    let nearest = others.map(to).min_by(|a, b| a.length().total_cmp(&b.length()));
+    let nearest = nearest.filter(|way| way.length() < TOUCHING_M)?;
+    Some(nearest.dot(vehicle.forward()) > 0.0)
 }
 
 /// Shows what is being loaded; the city stays as it is.

@@ -297,9 +297,9 @@ pub fn collision_remark(seen: &FrameSnapshot, mark: &TimelineMark) -> Option<Str
     let physical: Vec<String> =
         both.filter_map(|id| seen.info(id)).filter(|info| info.is_physical()).map(numbered_name).collect();
     let (is, feels) = if physical.len() == 1 {
-        ("is a lab vehicle: it is", "feels nothing of what is virtual and drives on")
+        ("is a lab vehicle: it is", "feels nothing of what is virtual and goes on as before")
     } else {
-        ("are lab vehicles: they are", "feel nothing of what is virtual and drive on")
+        ("are lab vehicles: they are", "feel nothing of what is virtual and go on as before")
     };
     (!physical.is_empty()).then(|| format!("{} {is} measured, {feels}", physical.join(" and ")))
 }
@@ -389,6 +389,9 @@ fn nothing(shown: &ViewModel<'_>) -> &'static str {
 }
 
 /// Why the times of a standstill and of its end are farther apart than it stood.
+/// Whom a vehicle yields to, beside the one that the event tells.
+const YIELD: &str = "Show where and when it happened. It tells to whom the vehicle yielded at first: before it goes it may yield to others there, whom the inspector tells";
+
 const GO: &str = "Show where and when it happened: it is told once the vehicle has left the place, and counts as standing until it moves";
 
 /// Shows the rows, which may have to stay where they are; returns the one that was clicked.
@@ -437,6 +440,7 @@ fn list(
                 line.col(|ui| _ = ui.label(named(shown.names, mark.vehicle)));
                 let tip = match mark.what {
                     Occurrence::Event(EventKind::Go { .. }) => GO,
+                    Occurrence::YieldTo(_) => YIELD,
                     _ => "Show where and when it happened",
                 };
                 if line.response().on_hover_text(with_remark(shown, mark, tip)).clicked() {

@@ -155,8 +155,9 @@ pub fn show(ui: &Ui, rect: Rect, state: &mut UiState, shown: &ViewModel<'_>) {
     let title =
         if is_folded { format!("\u{23f5} Legend ({})", lines.len()) } else { "\u{23f7} Legend".to_owned() };
     painter.text(corner, Align2::LEFT_TOP, &title, FontId::proportional(FONT_SIZE), TEXT);
-    let response =
-        ui.interact(ground.expand(6.0).intersect(rect), ui.scope_id().with("legend"), Sense::click());
+    // The title alone: a click on the road behind the rest of it means the road.
+    let bar = Rect::from_min_size(corner, Vec2::new(size.x, ROW)).expand(6.0);
+    let response = ui.interact(bar.intersect(rect), ui.scope_id().with("legend"), Sense::click());
     response.widget_info(|| egui::WidgetInfo::labeled(egui::Role::Button, true, &title));
     let tip = if is_folded { "Click: show the legend" } else { "Click: fold the legend" };
     if response.on_hover_text(tip).clicked() {

@@ -99,6 +99,7 @@ impl LiveTraffic {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use city3d_geometry::trig;
     use city3d_protocol::snapshot::{VehicleId, VehicleInfo, VehicleSpec, VehicleState};
     use city3d_simulation::scenario::{Library, Overrides, read_experiment};
     use glam::DVec3;
@@ -106,7 +107,8 @@ mod tests {
     fn at(time_s: f64) -> FrameSnapshot {
         // A quarter of a circle in a minute.
         let angle = time_s / 60.0 * std::f64::consts::FRAC_PI_2;
-        let position = DVec3::new(50.0 * angle.cos(), 50.0 * angle.sin(), 0.0);
+        let (sin, cos) = trig::sin_cos(angle);
+        let position = DVec3::new(50.0 * cos, 50.0 * sin, 0.0);
         let vehicle = VehicleState { id: VehicleId(1), speed_mps: 1.3, position, ..VehicleState::default() };
         let tick = (time_s * 100.0).round() as u64;
         let info = VehicleInfo::of(VehicleId(1), "car", Default::default(), &VehicleSpec::default());

@@ -397,15 +397,20 @@ fn speed(ui: &mut Ui, vehicle: &VehicleState, (units, scale): (SpeedUnit, Length
 fn pedals(ui: &mut Ui, vehicle: &VehicleState, is_told: bool) {
     if !is_told {
         for name in ["Steering", "Gas", "Brake", "Handbrake"] {
-            gauge(ui, name, "-", |_, _| {});
+            gauge(ui, (name, status::NOT_MEASURED_TIP), "-", |_, _| {});
         }
         return;
     }
     let steering_deg = vehicle.steering_rad.to_degrees();
     steering(ui, steering_deg);
-    bar(ui, "Gas", vehicle.gas, Color32::from_rgb(90, 170, 90));
-    bar(ui, "Brake", vehicle.brake, Color32::from_rgb(205, 80, 70));
-    bar(ui, "Handbrake", vehicle.handbrake, Color32::from_rgb(205, 140, 60));
+    bar(ui, ("Gas", "How far the gas pedal is down, 0 to 1"), vehicle.gas, Color32::from_rgb(90, 170, 90));
+    bar(
+        ui,
+        ("Brake", "How far the brake pedal is down, 0 to 1"),
+        vehicle.brake,
+        Color32::from_rgb(205, 80, 70),
+    );
+    bar(ui, ("Handbrake", "0 released, 1 pulled"), vehicle.handbrake, Color32::from_rgb(205, 140, 60));
 }
 
 const NAME_WIDTH: f32 = 72.0;
@@ -414,7 +419,7 @@ const BAR_HEIGHT: f32 = 14.0;
 /// Steering angle at the end of the bar.
 const STEERING_END_DEG: f64 = 45.0;
 
-fn bar(ui: &mut Ui, name: &str, value: f64, colour: Color32) {
+fn bar(ui: &mut Ui, name: (&str, &str), value: f64, colour: Color32) {
     let number = theme::decimal(ui.ctx()).fixed(value, 2);
     gauge(ui, name, &number, |painter, rect| {
         let width = rect.width() * value.clamp(0.0, 1.0) as f32;
@@ -430,7 +435,8 @@ fn bar(ui: &mut Ui, name: &str, value: f64, colour: Color32) {
 fn steering(ui: &mut Ui, angle_deg: f64) {
     let number = theme::decimal(ui.ctx()).tenths(angle_deg);
     let sign = if number.starts_with('-') { "" } else { "+" };
-    gauge(ui, "Steering", &format!("{sign}{number}\u{b0}"), |painter, rect| {
+    let name = ("Steering", "Angle of the front wheels; + to the left");
+    gauge(ui, name, &format!("{sign}{number}\u{b0}"), |painter, rect| {
         let share = (-angle_deg / STEERING_END_DEG).clamp(-1.0, 1.0) as f32;
         let middle = rect.center().x;
         let end = middle + share * rect.width() / 2.0;
@@ -440,12 +446,18 @@ fn steering(ui: &mut Ui, angle_deg: f64) {
     });
 }
 
-fn gauge(ui: &mut Ui, name: &str, number: &str, fill: impl FnOnce(&egui::Painter, egui::Rect)) {
+fn gauge(
+    ui: &mut Ui,
+    (name, tip): (&str, &str),
+    number: &str,
+    fill: impl FnOnce(&egui::Painter, egui::Rect),
+) {
     let size = Vec2::new(ui.available_width(), BAR_HEIGHT);
     let (rect, response) = ui.allocate_exact_size(size, Sense::hover());
     response.widget_info(|| {
         egui::WidgetInfo::labeled(egui::Role::ProgressIndicator, true, format!("{name} {number}"))
     });
+    response.on_hover_text(tip);
     let painter = ui.painter_at(rect);
     let colour = ui.visuals().text_color();
     let font = FontId::proportional(12.0);

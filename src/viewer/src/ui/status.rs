@@ -144,7 +144,7 @@ pub fn reason(keys: &KeyMap, vehicle: &VehicleState, info: &VehicleInfo, map: &C
 }
 
 /// What a collision means to a vehicle of the laboratory.
-pub(super) const RAMMED_PHYSICAL: &str = "A lab vehicle: it is measured, feels nothing of a collision with virtual vehicles, and drives on. Runs of older versions give it this status until the two are clear of one another";
+pub(super) const RAMMED_PHYSICAL: &str = "A lab vehicle: it is measured, feels nothing of a collision with virtual vehicles, and goes on as before. Runs of older versions give it this status until the two are clear of one another";
 
 /// What a lab vehicle is.
 pub(super) const LAB_VEHICLE: &str =
@@ -183,7 +183,7 @@ pub fn meaning(status: Status) -> &'static str {
         Status::Manual => "A person drives",
         Status::LinkLost => "No command for longer than the link timeout: it brakes to a stop on its path",
         Status::Collided => {
-            "Has hit something and stays. Reset the run, or take control of it and drive it off. A lab vehicle that is hit drives on"
+            "Has hit something and stays. Reset the run, or take control of it and drive it off. A lab vehicle that is hit goes on as before"
         }
         Status::Finished => "At the end of its route",
         Status::Physical => "A robot car in the laboratory, drawn where motion capture measures it",

@@ -172,7 +172,7 @@ pub(super) const DELAY: &str = "Mean time lost against driving alone, with the t
 pub(super) const MEAN_SPEED: &str = "Distance over the time in the city, mean over the vehicles: one that has arrived and stays there slows it, the longer the run goes on";
 pub(super) const LONGEST_STAND: &str = "Of any vehicle on its way, as the events tell it: from below 0.1 m/s until it was faster than 0.4 m/s and went away. Who has arrived does not count";
 pub(super) const SLOW_STOPS: &str = "Slow stops (< 0.5 m/s)";
-pub(super) const STOPS: &str = "How often vehicles on their routes became slower than 0.5 m/s, also where these end. Whoever has left its route, as a person may, does not count. Events \"standstill\" are those below 0.1 m/s, of everybody";
+pub(super) const STOPS: &str = "How often vehicles on their routes became slower than 0.5 m/s, also where these end. Whoever has left its route, as a person may, does not count from then on, nor do its earlier stops. Events \"standstill\" are those below 0.1 m/s, of everybody";
 
 const QUEUE: &str = "Vehicles on their way, also collided ones, that became slower than 0.5 m/s and have not been faster than 1 m/s since";
 
@@ -220,7 +220,7 @@ fn safety_and_energy(ui: &mut Ui, traffic: &LiveTraffic, units: SpeedUnit) {
     };
     let drac = match scale.city_from_lab(safety.max_drac_mps2) {
         // Where they touch no braking would have been enough.
-        drac if drac.is_infinite() => "no braking: they touched".to_owned(),
+        drac if drac.is_infinite() => "none was enough: they touched".to_owned(),
         drac if drac > 0.0 => of(drac, "m/s\u{b2}"),
         _ => "none so far".to_owned(),
     };
@@ -248,7 +248,7 @@ fn safety_and_energy(ui: &mut Ui, traffic: &LiveTraffic, units: SpeedUnit) {
         (
             "Most braking needed",
             drac,
-            "DRAC: the least deceleration that avoids a crash with the vehicle ahead; none while nobody comes nearer to another",
+            "DRAC: the least deceleration that would have avoided a crash with the vehicle ahead; \"none so far\" while nobody has come nearer to another",
         ),
         (
             "Fuel, none while braking",

@@ -41,7 +41,7 @@ impl SortKey {
     }
 
     const COLUMNS: [(Self, &'static str, &'static str); 7] = [
-        (Self::Id, "ID", "Number and colour; a round mark is a lab vehicle"),
+        (Self::Id, "ID", "Number and colour; an L marks a lab vehicle"),
         (Self::Name, "Name", "Its name in the scenario"),
         (Self::Driver, "Driver", "The algorithm that drives it, or a person"),
         (Self::Status, "Status", "What it is doing; hover over a row for the meaning"),
@@ -503,13 +503,18 @@ fn driver_words(name: &str) -> String {
     }
 }
 
-/// A patch of the colour of a vehicle: round for one of the laboratory.
+/// A patch of the colour of a vehicle, with an L for one of the laboratory: round and square marks are those of statuses.
 pub fn chip(ui: &mut Ui, colour: Color32, is_physical: bool) {
-    let (rect, _) = ui.allocate_exact_size(Vec2::splat(11.0), Sense::hover());
-    let corner = if is_physical { rect.width() / 2.0 } else { 2.0 };
-    ui.painter().rect_filled(rect, corner, colour);
+    let (rect, _) = ui.allocate_exact_size(Vec2::splat(12.0), Sense::hover());
+    ui.painter().rect_filled(rect, 2.0, colour);
     let edge = egui::Stroke::new(1.0, ui.visuals().weak_text_color());
-    ui.painter().rect_stroke(rect, corner, edge, egui::StrokeKind::Inside);
+    ui.painter().rect_stroke(rect, 2.0, edge, egui::StrokeKind::Inside);
+    if is_physical {
+        let is_bright = egui::Rgba::from(colour).intensity() > 0.3;
+        let ink = if is_bright { Color32::BLACK } else { Color32::WHITE };
+        let font = egui::FontId::proportional(10.0);
+        ui.painter().text(rect.center(), egui::Align2::CENTER_CENTER, "L", font, ink);
+    }
 }
 
 #[cfg(test)]

@@ -25,7 +25,7 @@ fn lab(status: Status) -> Desk {
 }
 
 #[test]
-fn the_table_says_what_its_round_marks_are_where_both_kinds_of_vehicles_drive() {
+fn the_table_says_what_its_marks_are_where_both_kinds_of_vehicles_drive() {
     let mut harness = harness(lab(Status::Driving));
     let legend = harness.get_all_by_label("lab vehicle").next().unwrap().rect().center();
     assert!(has_text(&harness, "virtual"));
@@ -54,7 +54,7 @@ fn point_at(harness: &mut Harness<'static, Desk>, at: Pos2) {
 }
 
 #[test]
-fn a_rammed_lab_vehicle_is_said_to_feel_nothing_and_to_drive_on() {
+fn a_rammed_lab_vehicle_is_said_to_feel_nothing_and_to_go_on() {
     let mark = TimelineMark {
         time_s: 1.5,
         vehicle: VehicleId(1),
@@ -62,14 +62,14 @@ fn a_rammed_lab_vehicle_is_said_to_feel_nothing_and_to_drive_on() {
     };
     let mut desk = lab(Status::Collided);
     desk.events = vec![mark.clone()];
-    let remark = "1 car1 is a lab vehicle: it is measured, feels nothing of what is virtual and drives on";
+    let remark =
+        "1 car1 is a lab vehicle: it is measured, feels nothing of what is virtual and goes on as before";
     assert_eq!(collision_remark(&desk.run_state.now, &mark).unwrap(), remark);
     let mut harness = harness(desk);
     let says = |harness: &Harness<'static, Desk>, what: &'static str| {
         harness.query_all_by_label_contains(what).count() > 0
     };
-    let own =
-        "A lab vehicle: it is measured, feels nothing of a collision with virtual vehicles, and drives on";
+    let own = "A lab vehicle: it is measured, feels nothing of a collision with virtual vehicles, and goes on as before";
     for label in ["car1", "collided with 2 at 1.50 s"] {
         let at = harness.get_all_by_label(label).next().unwrap().rect().center();
         point_at(&mut harness, at);

@@ -530,6 +530,29 @@ fn who_sits_at_the_wheel_is_told_why_the_car_does_not_go() {
 }
 
 #[test]
+fn who_has_hit_something_is_told_to_drive_away_from_it() {
+    let mut desk = Desk::with(fleet(2));
+    desk.run_state.phase = RunPhase::Running;
+    desk.state.driving = Some(ManualDrive::take_over(VehicleId(1), 1, 0.0));
+    desk.change(|now| now.vehicles[0].status = Status::Collided);
+    let mut harness = harness(desk);
+    // In gear D.
+    for (ahead_m, told) in [
+        (5.0, "R (gear) then W drives off"),
+        (-5.0, "W drives off, away from what was hit"),
+        (50.0, "Collided: drive off"),
+    ] {
+        harness.state_mut().change(|now| {
+            let own = &now.vehicles[0];
+            let place = own.position + (own.forward() * ahead_m).extend(0.0);
+            now.vehicles[1].position = place;
+        });
+        harness.run_steps(3);
+        assert!(harness.query_by_label_contains(told).is_some(), "{ahead_m} m: {told}");
+    }
+}
+
+#[test]
 fn the_help_sheet_stays_in_a_small_window_and_scrolls() {
     let mut harness = with(2);
     harness.set_size(egui::vec2(600.0, 420.0));

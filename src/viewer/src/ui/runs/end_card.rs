@@ -128,7 +128,7 @@ pub(super) fn window(ui: &Ui, state: &mut UiState, shown: &ViewModel<'_>, action
             vehicle.status == Status::Collided && !is_physical
         };
         if is_live && run_state.now.vehicles.iter().any(|vehicle| lies(&vehicle)) {
-            ui.label("Vehicles that have collided stay where they are: a new run puts all of them back.");
+            ui.label("Vehicles that have collided stay where they are until a person drives them off; a new run puts all of them back.");
         }
         ui.add_space(4.0);
         log(ui, shown);
