@@ -184,8 +184,8 @@ pub struct Cav {
     pub(super) limit: Limit,
 }
 
-/// Largest deviation of the plan from the measurement.
-const PLAN_SLACK_M: f64 = 0.04;
+/// Largest deviation of the plan from the measurement, laboratory metres and m/s.
+pub const PLAN_SLACK_M: f64 = 0.04;
 const PLAN_SLACK_MPS: f64 = 0.08;
 
 /// Worst-case gap to the leader, and standard deviations of the own position that are added.

@@ -27,7 +27,7 @@ mod strangers;
 mod traffic;
 
 pub use cacc::{CaccGains, CaccInputs};
-pub use cav::{Cav, CavGeometry, CavSetup, Role};
+pub use cav::{Cav, CavGeometry, CavSetup, PLAN_SLACK_M, Role};
 pub use controller::{
     CONTROLLERS, CRUISE, Controller, OwnMotion, PARKED, PlatoonBroadcast, controller, heeds_nobody,
 };

@@ -101,6 +101,9 @@ pub struct VehicleMeasures {
     /// Status at the end; a summary of an earlier version does not say.
     #[serde(default)]
     pub status: Option<Status>,
+    /// It has left the city, without a stop at its end; a summary of an earlier version does not say.
+    #[serde(default)]
+    pub has_left: bool,
     /// How often it stood, by its events, the end of its route among them; a summary of an earlier version does not say.
     #[serde(default)]
     pub stops: Option<u64>,
@@ -170,6 +173,7 @@ impl RunMeasures {
                 slow_stops: vehicle.traffic.as_ref().map(|traffic| traffic.slow_stops.into()),
             },
             status: Some(vehicle.status),
+            has_left: vehicle.has_left,
             stops: Some(vehicle.stops.into()),
             longest_stand_s: vehicle.longest_stand_s,
             collisions: vehicle.collisions.into(),
@@ -232,7 +236,7 @@ impl RunMeasures {
     pub fn standstills(&self) -> Option<u64> {
         let on_its_way = |of: &VehicleMeasures| {
             // To arrive is to stand, but nothing has held it up.
-            let arrival = u64::from(of.status == Some(Status::Finished));
+            let arrival = u64::from(of.status == Some(Status::Finished) && !of.has_left);
             Some(of.stops?.saturating_sub(arrival))
         };
         self.vehicles.values().map(on_its_way).sum()
@@ -389,6 +393,20 @@ mod tests {
         let arrived = written.vehicles.values().filter(|vehicle| vehicle.status == Status::Finished).count();
         assert!(arrived > 0);
         assert_eq!(read.standstills(), Some(u64::from(stands) - arrived as u64));
+    }
+
+    #[test]
+    fn who_leaves_the_city_stands_at_no_end() {
+        let of = |status, has_left, stops| VehicleMeasures {
+            status: Some(status),
+            has_left,
+            stops: Some(stops),
+            ..VehicleMeasures::default()
+        };
+        let vehicles =
+            [of(Status::Finished, true, 2), of(Status::Finished, false, 2), of(Status::Driving, false, 1)];
+        let run = RunMeasures { vehicles: (1..).zip(vehicles).collect(), ..RunMeasures::default() };
+        assert_eq!(run.standstills(), Some(4));
     }
 
     #[test]

@@ -139,7 +139,8 @@ impl EventCollector {
             }
         }
         let is_grave = marks.iter().any(|mark| mark.what.is_grave());
-        self.history.take(moment.snapshot, is_grave);
+        let is_last = moment.snapshot.tick == moment.experiment.ticks();
+        self.history.take(moment.snapshot, is_grave || is_last);
         self.keep_plans(moment);
         if !marks.is_empty() {
             self.feed.extend(&marks);

@@ -7,7 +7,7 @@ use city3d_protocol::snapshot::{CoordinationState, FrameSnapshot, VehicleId, Veh
 use city3d_simulation::scenario::Experiment;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-/// Least simulated time between two kept states, unless something grave happens between them.
+/// Least simulated time between two kept states, unless something grave happens between them, or the run is over.
 pub const KEPT_EVERY_S: f64 = 0.1;
 /// Most memory of the states of one run, bytes. Beyond it, the older half of them is thinned.
 pub const HISTORY_LIMIT: usize = 192 << 20;
@@ -159,11 +159,11 @@ impl HistoryFeed {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Keeps a state when it is due, or when something grave has happened in it.
-    pub(crate) fn take(&self, snapshot: &FrameSnapshot, is_grave: bool) {
+    /// Keeps a state when it is due, or when it matters: something grave has happened in it, or it is the last one.
+    pub(crate) fn take(&self, snapshot: &FrameSnapshot, matters: bool) {
         let last_s = self.lock().states.last().map_or(f64::NEG_INFINITY, |last| last.time_s());
         let since_s = snapshot.time_s - last_s;
-        if since_s > KEPT_EVERY_S - ROUNDING_S || (is_grave && since_s > ROUNDING_S) {
+        if since_s > KEPT_EVERY_S - ROUNDING_S || (matters && since_s > ROUNDING_S) {
             let state = PastState::of(snapshot);
             self.lock().push(state);
         }

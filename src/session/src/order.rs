@@ -65,7 +65,10 @@ impl RunGoal {
         match *self {
             Self::Time(goal_s) => time_s >= goal_s - ROUNDING_S,
             Self::Event(wanted) => {
-                marks.iter().any(|mark| wanted.is_none_or(|wanted| mark.what.kind() == wanted))
+                // Of links only a lost one: lab vehicles are unseen for moments, and links come back.
+                let counts = |mark: &TimelineMark| mark.what.kind() != MarkKind::Link || mark.what.is_grave();
+                let is_it = |mark: &TimelineMark, wanted| mark.what.kind() == wanted && counts(mark);
+                marks.iter().any(|mark| wanted.is_none_or(|wanted| is_it(mark, wanted)))
             }
         }
     }
@@ -157,5 +160,23 @@ impl Orders {
             }
             Err(TryRecvError::Empty) => None,
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::playback::Occurrence;
+    use city3d_protocol::snapshot::EventKind;
+
+    #[test]
+    fn a_run_goes_on_to_a_lost_link_whoever_is_unseen_for_a_moment() {
+        let goal = RunGoal::Event(Some(MarkKind::Link));
+        let is_met = |kind| {
+            let what = Occurrence::Event(kind);
+            goal.is_met(1.0, &[TimelineMark { time_s: 1.0, vehicle: VehicleId(1), what }])
+        };
+        use EventKind::{LinkBack, LinkLost, SeenAgain, Unseen};
+        assert_eq!([LinkLost, LinkBack, Unseen, SeenAgain].map(is_met), [true, false, false, false]);
     }
 }

@@ -24,6 +24,8 @@ const APART_S: f64 = 2.0;
 #[derive(Clone, Debug, Default)]
 pub struct PoseWatch {
     standing: BTreeMap<VehicleId, Stand>,
+    /// Where vehicles were first seen, until they have moved: who stands from then on has not stopped, as an obstacle.
+    unmoved: BTreeMap<VehicleId, Option<DVec2>>,
     /// When vehicles that have collided were near each other last.
     touching: BTreeMap<(VehicleId, VehicleId), f64>,
     collided: BTreeSet<VehicleId>,
@@ -53,10 +55,17 @@ impl PoseWatch {
     fn find_long_stops(&mut self, snapshot: &FrameSnapshot, found: &mut Vec<TimelineMark>) {
         let now_s = snapshot.time_s;
         self.standing.retain(|id, _| snapshot.vehicle(*id).is_some());
+        self.unmoved.retain(|id, _| snapshot.vehicle(*id).is_some());
         for vehicle in &snapshot.vehicles {
             let place = vehicle.position.truncate();
             let speed_mps = vehicle.speed_mps.abs();
-            let has_moved = |stand: &Stand| speed_mps > MOVES_MPS || stand.place.distance(place) > MOVED_M;
+            let has_left = |from: DVec2| speed_mps > MOVES_MPS || from.distance(place) > MOVED_M;
+            let has_moved = |stand: &Stand| has_left(stand.place);
+            let first = self.unmoved.entry(vehicle.id).or_insert(Some(place));
+            *first = first.filter(|first| !has_left(*first));
+            if first.is_some() {
+                continue;
+            }
             let is_over = self.standing.get(&vehicle.id).is_some_and(has_moved);
             if is_over || !counts(vehicle.status) {
                 self.standing.remove(&vehicle.id);
@@ -206,17 +215,19 @@ mod tests {
             let creeps_m = (time_s / 20.0).floor();
             let noise = if k % 2 == 0 { 0.02 } else { -0.02 };
             let cars = [
-                (0.0, 0.0, Stopped),
+                (if k < 5 { 3.0 } else { 0.0 }, 0.0, Stopped),
                 (50.0 + creeps_m, 0.0, Yielding),
                 (100.0, 0.0, Finished),
                 (150.0 + noise, 0.2 * noise.signum(), Stopped),
+                // An obstacle.
+                (200.0, 0.0, Stopped),
             ];
             let snapshot = at(time_s, &cars);
             found.extend(watch.observe(&snapshot, false).into_iter().map(|m| (m.time_s, m.vehicle.0)));
         }
         let of_first: Vec<_> = found.iter().filter(|(_, id)| *id == 1).collect();
-        assert!(matches!(of_first[..], [(time_s, _)] if (time_s - 30.0).abs() < 0.11), "{found:?}");
-        assert!(!found.iter().any(|(_, id)| *id == 2 || *id == 3), "{found:?}");
+        assert!(matches!(of_first[..], [(time_s, _)] if (time_s - 30.5).abs() < 0.11), "{found:?}");
+        assert!(!found.iter().any(|(_, id)| *id == 2 || *id == 3 || *id == 5), "{found:?}");
     }
 
     #[test]

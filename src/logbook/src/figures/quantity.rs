@@ -136,7 +136,7 @@ impl Quantity {
     fn note(self) -> &'static str {
         match self {
             Self::Speed => "Along the heading.",
-            Self::Acceleration => "Along the heading.",
+            Self::Acceleration => "Along the heading: the change of the speed from one state to the next.",
             Self::LateralError => "Front-axle centre from its desired path, positive to the left.",
             Self::Steering => "Of the front axle's middle, positive to the left.",
             Self::YawRate => "Counter-clockwise seen from above.",
@@ -159,7 +159,7 @@ impl Quantity {
         };
         let mut values: Vec<(f64, f64)> = match self {
             Self::Speed => direct(|sample| sample.speed_mps),
-            Self::Acceleration => direct(|sample| sample.acceleration_mps2),
+            Self::Acceleration => changes_of_speed(trace),
             Self::LateralError => direct(|sample| sample.lateral_error_m),
             Self::Steering => direct(|sample| sample.steering_rad),
             Self::YawRate => direct(|sample| sample.yaw_rate_radps),
@@ -181,6 +181,18 @@ impl Quantity {
         }
         values
     }
+}
+
+/// Accelerations between the states of a trace: those at the states miss what happens between two of them, as in a collision.
+fn changes_of_speed(trace: &Trace) -> Vec<(f64, f64)> {
+    let mut before = None;
+    let change = |sample: &super::run::TraceSample| {
+        let [time_s, speed_mps] = [sample.time_s, sample.speed_mps];
+        let change = before.replace([time_s, speed_mps]).map(|[t, v]| (speed_mps - v) / (time_s - t));
+        // The first one has none before it.
+        (time_s, change.unwrap_or(sample.acceleration_mps2))
+    };
+    trace.samples.iter().map(change).collect()
 }
 
 /// Where a vehicle was: place of its sample, its lane, and its front bumper along that lane.
@@ -397,6 +409,20 @@ mod tests {
         let shown = traces.iter().collect();
         let (experiment, span_s) = (run.experiment(), (0.0, 8.0));
         SeriesFigure { quantity, scale, experiment, span_s, shown, all: traces }.draw(true)
+    }
+
+    #[test]
+    fn accelerations_have_what_happens_between_two_states() {
+        let (run, mut traces) = followers();
+        let trace = &mut traces[0];
+        for (k, sample) in trace.samples.iter_mut().enumerate() {
+            // It is stopped between two states, and its acceleration at both is small.
+            (sample.speed_mps, sample.acceleration_mps2) = (if k < 40 { 5.0 } else { 0.0 }, 0.1);
+        }
+        let dt_s = trace.samples[40].time_s - trace.samples[39].time_s;
+        let values = Quantity::Acceleration.values(&traces[0], &traces, run.experiment());
+        assert!((values[40].1 + 5.0 / dt_s).abs() < 1e-9 && values[41].1 == 0.0, "{:?}", &values[38..43]);
+        assert_eq!(values[0].1, 0.1);
     }
 
     #[test]

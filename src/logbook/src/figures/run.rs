@@ -306,6 +306,9 @@ impl TraceBuilder {
         // The zeros of a vehicle that is not measured are no measurements.
         let is_seen = state.status != Status::Unseen;
         let known = |value: f64| if is_seen { value } else { f64::NAN };
+        // What drives a vehicle of the laboratory is not measured: its own algorithms decide it.
+        let is_physical = state.status == Status::Physical || self.experiment.is_physical(state.id);
+        let pedal = |value: f64| if is_physical { f64::NAN } else { known(value) };
         trace.samples.push(TraceSample {
             time_s,
             is_seen,
@@ -316,9 +319,9 @@ impl TraceBuilder {
             steering_rad: known(state.steering_rad),
             distance_m: state.distance_m,
             lateral_error_m: known(state.tracked_lateral_error_m().unwrap_or(f64::NAN)),
-            gas: known(state.gas),
-            brake: known(state.brake),
-            handbrake: known(state.handbrake),
+            gas: pedal(state.gas),
+            brake: pedal(state.brake),
+            handbrake: pedal(state.handbrake),
             tracking_error_m: known(wanted.map_or(f64::NAN, |wanted| wanted.distance(axle))),
         });
     }

@@ -210,9 +210,9 @@ pub struct VehicleState {
 }
 
 impl VehicleState {
-    /// [`Self::lateral_error_m`] if the vehicle follows a path: `None` while a person drives.
+    /// [`Self::lateral_error_m`] if the vehicle follows a path: `None` while a person drives, and once it has collided.
     pub fn tracked_lateral_error_m(&self) -> Option<f64> {
-        (self.status != Status::Manual).then_some(self.lateral_error_m)
+        (!matches!(self.status, Status::Manual | Status::Collided)).then_some(self.lateral_error_m)
     }
 
     /// Position and heading seen from above.

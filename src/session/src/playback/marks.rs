@@ -3,7 +3,7 @@
 use crate::LONG_STOP_S;
 use city3d_logbook::record::LogEntry;
 use city3d_protocol::snapshot::{ControlDecision, DecisionReason, Event, EventKind, SimCommand, VehicleId};
-use city3d_simulation::scenario::Rates;
+use city3d_simulation::scenario::{Experiment, Rates};
 use std::collections::{BTreeMap, BTreeSet};
 
 /// An event on the timeline.
@@ -202,11 +202,18 @@ pub(super) struct MarkCollector {
     drivers: DriverChanges,
     /// When vehicles stopped that still stand.
     stopped: BTreeMap<VehicleId, f64>,
+    /// Vehicles of the laboratory, which feel nothing of a collision with a virtual one.
+    physical: BTreeSet<VehicleId>,
 }
 
 impl MarkCollector {
-    pub(super) fn new(rates: Rates) -> Self {
-        Self { rates, drivers: DriverChanges::default(), stopped: BTreeMap::new() }
+    /// Of the log of an experiment.
+    pub(super) fn of(experiment: &Experiment) -> Self {
+        Self::new(experiment.rates, experiment.physical().map(|(planned, _)| planned.id).collect())
+    }
+
+    fn new(rates: Rates, physical: BTreeSet<VehicleId>) -> Self {
+        Self { rates, drivers: DriverChanges::default(), stopped: BTreeMap::new(), physical }
     }
 
     /// The marks of an entry: none for one that is no event, two where it ends a long stop.
@@ -235,14 +242,20 @@ impl MarkCollector {
                 self.stopped.insert(event.vehicle, event.time_s);
                 None
             }
-            EventKind::Yield | EventKind::LinkLost | EventKind::LinkBack => None,
+            // An occlusion neither starts nor ends a stand.
+            EventKind::Yield
+            | EventKind::LinkLost
+            | EventKind::LinkBack
+            | EventKind::Unseen
+            | EventKind::SeenAgain => None,
             EventKind::Go { .. } => {
                 let since_s = self.stopped.remove(&event.vehicle)?;
                 long_stop(event.vehicle, since_s, event.time_s)
             }
             EventKind::Collision { with } => {
-                self.stopped.remove(&event.vehicle);
-                self.stopped.remove(&with);
+                for id in [event.vehicle, with].iter().filter(|id| !self.physical.contains(id)) {
+                    self.stopped.remove(id);
+                }
                 None
             }
             _ => {
@@ -272,7 +285,7 @@ mod tests {
     #[test]
     fn of_the_pedals_of_a_person_only_taking_and_giving_back_are_marked() {
         let id = VehicleId(3);
-        let mut marker = MarkCollector::new(Rates::default());
+        let mut marker = MarkCollector::new(Rates::default(), BTreeSet::new());
         let mut mark = |tick, command| {
             let marks = marker.marks(&LogEntry::Command { tick, command });
             marks.first().map(|mark| (mark.time_s, mark.what.clone()))
@@ -287,7 +300,7 @@ mod tests {
 
     #[test]
     fn events_are_told_in_words_and_kinds() {
-        let mut marker = MarkCollector::new(Rates::default());
+        let mut marker = MarkCollector::new(Rates::default(), BTreeSet::new());
         let mut of = |kind| {
             let event = Event { time_s: 2.0, vehicle: VehicleId(1), kind };
             let marks = marker.marks(&LogEntry::Event(event));
@@ -325,19 +338,22 @@ mod tests {
 
     #[test]
     fn stops_of_half_a_minute_are_found_in_the_events_of_a_log() {
-        let mut marker = MarkCollector::new(Rates::default());
+        let mut marker = MarkCollector::new(Rates::default(), [VehicleId(7)].into());
         let mut found = Vec::new();
         let mut take = |time_s, id, kind| {
             let entry = LogEntry::Event(Event { time_s, vehicle: VehicleId(id), kind });
             let marks = marker.marks(&entry).into_iter().filter(|mark| mark.what == Occurrence::LongStop);
             found.extend(marks.map(|mark| (mark.time_s, mark.vehicle.0)));
         };
-        (1..=5).for_each(|id| take(2.0, id, EventKind::Stop));
+        (1..=8).for_each(|id| take(2.0, id, EventKind::Stop));
+        take(20.0, 8, EventKind::Collision { with: VehicleId(7) });
+        take(20.0, 6, EventKind::Unseen);
+        take(21.0, 6, EventKind::SeenAgain);
         take(12.0, 1, EventKind::Go { stood_s: 10.0 });
         take(40.0, 2, EventKind::Go { stood_s: 38.0 });
         take(40.0, 3, EventKind::Finish);
         take(50.0, 5, EventKind::Stop);
         found.extend(marker.finish(60.0).into_iter().map(|mark| (mark.time_s, mark.vehicle.0)));
-        assert_eq!(found, [(32.0, 2), (32.0, 4)]);
+        assert_eq!(found, [(32.0, 2), (32.0, 4), (32.0, 6), (32.0, 7)], "neither an occlusion nor who runs into a lab vehicle ends a stand");
     }
 }

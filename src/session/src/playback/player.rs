@@ -104,7 +104,7 @@ impl Player {
             log,
             begins_s: Arc::clone(&begins_s),
             registry: VehicleRegistry::of(Arc::clone(&experiment)),
-            marker: MarkCollector::new(experiment.rates),
+            marker: MarkCollector::of(&experiment),
             traffic: LogTraffic::new(&experiment),
             measured_to_s: None,
             road: RoadWatch::new(&experiment),

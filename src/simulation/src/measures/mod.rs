@@ -30,7 +30,7 @@ use crate::scenario::Experiment;
 use city3d_control::coordination::ControlZone;
 use city3d_control::{CavSetup, Mainframe};
 use city3d_geometry::LengthScale;
-use city3d_protocol::snapshot::{FrameSnapshot, Status, VehicleId, VehicleInfo};
+use city3d_protocol::snapshot::{EventKind, FrameSnapshot, Status, VehicleId, VehicleInfo};
 use city3d_roadmap::LabMap;
 use encroachment::ZoneStates;
 use held::HeldOutside;
@@ -141,6 +141,19 @@ impl TrafficMeasures {
             }
         }
         self.take_moves();
+        self.take_collisions(snapshot);
+    }
+
+    /// Vehicles that touch, also one that backs into another or has left its route: whom followers do not tell.
+    fn take_collisions(&mut self, snapshot: &FrameSnapshot) {
+        for event in &snapshot.events {
+            let EventKind::Collision { with } = event.kind else { continue };
+            for id in [event.vehicle, with] {
+                if let Ok(index) = self.vehicles.binary_search_by_key(&id, |tracked| tracked.id) {
+                    self.vehicles[index].safety.touch();
+                }
+            }
+        }
     }
 
     /// Adds vehicles that have come, and closes the trips of those that have gone.
@@ -223,7 +236,7 @@ impl TrafficMeasures {
             zone.queue.add(length + self.held.count(Some(index)), dt_s);
         }
         let on_the_way = self.present.iter().map(|&index| &vehicles[index]);
-        let all = on_the_way.filter(|tracked| tracked.trip.ended_s.is_none() && tracked.motion.stands());
+        let all = on_the_way.filter(|tracked| tracked.is_under_way() && tracked.motion.stands());
         self.queue.add(all.count() as u32 + self.held.count(None), dt_s);
     }
 
@@ -260,6 +273,11 @@ impl TrafficMeasures {
         self.now_s
     }
 
+    /// Simulated time from which delay, slow stops, throughput and queues count, seconds.
+    pub fn warm_up_s(&self) -> f64 {
+        self.warm_up_s
+    }
+
     /// Scale of the experiment.
     pub fn scale(&self) -> LengthScale {
         self.scale
@@ -293,9 +311,8 @@ impl TrafficMeasures {
 
     /// Mean speed in the last snapshot of the vehicles on their way, full-scale m/s; `None` while there are none.
     pub fn mean_speed_now_mps(&self) -> Option<f64> {
-        let is_under_way = |tracked: &&Tracked| tracked.trip.ended_s.is_none();
-        let speeds =
-            self.vehicles.iter().filter(is_under_way).filter_map(|of| of.motion.speed_at(self.now_s));
+        let under_way = self.vehicles.iter().filter(|tracked| tracked.is_under_way());
+        let speeds = under_way.filter_map(|of| of.motion.speed_at(self.now_s));
         let (sum, count) = speeds.fold((0.0, 0_u32), |(sum, count), speed| (sum + speed.abs(), count + 1));
         (count > 0).then(|| sum / f64::from(count))
     }
@@ -321,7 +338,7 @@ impl TrafficMeasures {
     }
 
     /// Totals of the trips that began after the warm-up, whether they have ended or not. Vehicles that have left their
-    /// routes, or have none, have no free time and do not count. A trip is complete at the end of its route.
+    /// routes, or have none, have no free time and do not count, nor do obstacles. A trip is complete at the end of its route.
     pub fn trips(&self) -> PassageTotals {
         let passages: Vec<Passage> = self.vehicles.iter().filter_map(|tracked| self.trip(tracked)).collect();
         let arrived = self.vehicles.iter().filter(|tracked| tracked.trip.has_arrived);
@@ -333,7 +350,7 @@ impl TrafficMeasures {
     /// A trip as a passage of the whole city; `None` during the warm-up and where the free time is unknown.
     fn trip(&self, tracked: &Tracked) -> Option<Passage> {
         let trip = &tracked.trip;
-        (trip.begun_s >= self.warm_up_s).then_some(())?;
+        (trip.begun_s >= self.warm_up_s && !tracked.is_obstacle()).then_some(())?;
         Some(Passage {
             vehicle: tracked.id,
             entered_s: trip.begun_s,

@@ -65,15 +65,15 @@ pub struct EffortReport {
 /// Surrogate measures of safety.
 #[derive(Clone, Copy, Debug, Serialize)]
 pub struct SafetyReport {
-    /// Least time to collision with a leader.
+    /// Least time to collision with a leader; 0 where vehicles touched.
     pub min_ttc_s: Option<f64>,
     /// Encounters with a time to collision below 3 s.
     pub ttc_encounters: u32,
-    /// Largest deceleration to avoid a crash; `None` without a gap.
+    /// Largest deceleration to avoid a crash; `None` where vehicles touched.
     pub max_drac_mps2: Option<f64>,
     /// Encounters with a deceleration to avoid a crash above 3 m/s2.
     pub drac_encounters: u32,
-    /// Least gap to a leader.
+    /// Least gap to a leader; at most 0 where vehicles touched, from whatever side.
     pub min_gap_m: Option<f64>,
     /// Least post-encroachment time.
     pub min_pet_s: Option<f64>,

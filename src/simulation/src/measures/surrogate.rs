@@ -39,15 +39,15 @@ impl Following {
 /// The least favourable values of a vehicle, laboratory units.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Safety {
-    /// Least time to collision.
+    /// Least time to collision; 0 once it has touched another vehicle.
     pub min_ttc_s: Option<f64>,
     /// Encounters with a time to collision below [`TTC_S`].
     pub ttc_encounters: u32,
-    /// Largest deceleration to avoid a crash.
+    /// Largest deceleration to avoid a crash; infinite once it has touched another vehicle.
     pub max_drac_mps2: f64,
     /// Encounters above [`DRAC_MPS2`].
     pub drac_encounters: u32,
-    /// Least gap to a vehicle ahead on its path.
+    /// Least gap to a vehicle ahead on its path; at most 0 once it has touched another vehicle.
     pub min_gap_m: Option<f64>,
     /// Least post-encroachment time of which it is the second vehicle; negative where both were in the zone.
     pub min_pet_s: Option<f64>,
@@ -69,6 +69,15 @@ impl Safety {
         (self.is_near, self.brakes_hard) = (ttc_s.is_some_and(|ttc_s| ttc_s < TTC_S), drac > drac_mps2);
         self.ttc_encounters += u32::from(self.is_near && !was.0);
         self.drac_encounters += u32::from(self.brakes_hard && !was.1);
+    }
+
+    /// Takes a collision with another vehicle: nothing was between them, from whatever side one came.
+    pub fn touch(&mut self) {
+        self.min_gap_m = least(self.min_gap_m, Some(0.0));
+        self.min_ttc_s = least(self.min_ttc_s, Some(0.0));
+        self.max_drac_mps2 = f64::INFINITY;
+        self.ttc_encounters += u32::from(!self.is_near);
+        self.is_near = true;
     }
 
     /// Takes a post-encroachment time.
@@ -184,6 +193,9 @@ mod tests {
         }
         assert_eq!((safety.ttc_encounters, safety.drac_encounters), (2, 0));
         assert_eq!((safety.min_ttc_s.map(|s| (s * 1e6).round()), safety.min_gap_m), (Some(1.5e6), Some(0.3)));
+        safety.touch();
+        let touched = (safety.min_ttc_s, safety.min_gap_m, safety.max_drac_mps2);
+        assert_eq!(touched, (Some(0.0), Some(0.0), f64::INFINITY));
         safety.encroach(2.5);
         safety.encroach(-0.5);
         assert_eq!((safety.pet_encounters, safety.min_pet_s), (1, Some(-0.5)));

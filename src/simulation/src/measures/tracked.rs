@@ -7,7 +7,7 @@ use super::passage::{Passage, PassageMove, Stretch, stretches};
 use super::place::{FreeRun, RoutePlace, Station};
 use super::surrogate::Safety;
 use city3d_control::coordination::ControlZone;
-use city3d_control::{CavGeometry, CavSetup, DriverParams, Route};
+use city3d_control::{CavGeometry, CavSetup, DriverParams, PARKED, Route};
 use city3d_geometry::{Lab, Pose2};
 use city3d_protocol::snapshot::VehicleId;
 use city3d_roadmap::{LabMap, ZoneId};
@@ -39,6 +39,7 @@ pub struct Tracked {
     uncounted_held_s: f64,
     /// Speed at which it comes in if nobody is in the way; until it has come.
     free_entry_mps: f64,
+    is_parked: bool,
 }
 
 /// A whole trip: from the first snapshot of a vehicle until it is gone or at the end of its route.
@@ -111,6 +112,8 @@ impl OpenPassage {
     }
 }
 
+/// A parked vehicle that has driven farther is one no longer, city metres.
+const PARKED_MOVES_M: f64 = 1.0;
 /// A route is at its end this close to it, laboratory metres.
 const END_M: f64 = 0.1;
 
@@ -155,6 +158,7 @@ impl Tracked {
             open: Vec::new(),
             uncounted_held_s: 0.0,
             free_entry_mps: 0.0,
+            is_parked: false,
         }
     }
 
@@ -168,6 +172,7 @@ impl Tracked {
     /// Gives it the route of its setup.
     pub fn set_up(&mut self, map: &LabMap, zones: &[ControlZone], setup: &CavSetup) {
         self.u_max_mps2 = setup.driver.max_acceleration_mps2;
+        self.is_parked = setup.controller == PARKED;
         let route = Route::new(map, &setup.route, setup.body, &setup.driver);
         self.take_place(zones, RoutePlace::new(Arc::new(route), setup.body, 0));
     }
@@ -209,6 +214,16 @@ impl Tracked {
     /// Its route, while it has one.
     pub fn route(&self) -> Option<&Route> {
         self.place.as_ref().map(|place| &*place.route)
+    }
+
+    /// Whether it is parked in the way, and nobody has driven it off: it is no traffic.
+    pub fn is_obstacle(&self) -> bool {
+        self.is_parked && self.motion.integral_of_speed_m.abs() < PARKED_MOVES_M
+    }
+
+    /// Whether it is on its way: in the city, not at the end of its route, and no obstacle.
+    pub fn is_under_way(&self) -> bool {
+        self.trip.ended_s.is_none() && !self.is_obstacle()
     }
 
     /// Bumpers along its route: rear, front.

@@ -3,7 +3,7 @@
 
 use super::surrogate::Following;
 use city3d_geometry::{Pose2, wrap_angle};
-use city3d_protocol::snapshot::{FrameSnapshot, VehicleId, VehicleInfo, VehicleState};
+use city3d_protocol::snapshot::{FrameSnapshot, Status, VehicleId, VehicleInfo, VehicleState};
 use city3d_roadmap::{CityMap, LaneId, LaneIndex};
 use glam::DVec2;
 use std::collections::VecDeque;
@@ -71,6 +71,11 @@ const METRES_PER_RADIAN: f64 = 2.0;
 const OFF_ROUTE_M: f64 = 1.5;
 /// Most lanes that are searched ahead.
 const MOST_LANES: usize = 64;
+
+/// Who waits for its start stands; its state has the speed at which it will begin.
+fn speed_of(state: &VehicleState) -> f64 {
+    if state.status == Status::Waiting { 0.0 } else { state.speed_mps }
+}
 
 impl LaneFinder {
     /// Finds lanes of this map.
@@ -167,8 +172,8 @@ impl TrafficPlace {
             let rear = nearest_point(map, &way, &body_points(other, info))?;
             // Along the way where it is: in a bend both drive along it in different directions.
             let along = other.forward().dot(rear.direction).max(0.0);
-            let (gap_m, leader_mps) = (rear.at_m, other.speed_mps * along);
-            let following = Following { gap_m, speed_mps: state.speed_mps, leader_mps };
+            let (gap_m, leader_mps) = (rear.at_m, speed_of(other) * along);
+            let following = Following { gap_m, speed_mps: speed_of(state), leader_mps };
             Some(LeaderAhead { vehicle: other.id, following, rear: rear.point })
         });
         let leader = nearest.min_by(|a, b| a.following.gap_m.total_cmp(&b.following.gap_m));

@@ -345,8 +345,8 @@ impl RouteProgress {
         if state.status == Status::Unseen {
             return;
         }
-        // Who has arrived waits for nothing.
-        if state.status == Status::Finished {
+        // Who has arrived or collided waits for nothing.
+        if matches!(state.status, Status::Finished | Status::Collided) {
             self.stand = StandstillDetector::default();
             return;
         }

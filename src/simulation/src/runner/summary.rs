@@ -1,7 +1,7 @@
 //! `summary.json`: the results of a run.
 
 use super::{InflowTotals, Observer, VehicleTotals};
-use crate::measures::{TrafficReport, VehicleTraffic};
+use crate::measures::{Tracked, TrafficReport, VehicleTraffic};
 use crate::scenario::Experiment;
 use city3d_control::Role;
 use city3d_control::coordination::CoordinationReport;
@@ -19,6 +19,9 @@ pub struct VehicleSummary {
     pub status: Status,
     /// Odometer at the end, or when the vehicle left.
     pub distance_m: f64,
+    /// It has left the city; one that arrived and stays has not.
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    pub has_left: bool,
     /// Distance driven, divided by the simulated time in the city.
     pub mean_speed_mps: f64,
     /// How often the vehicle came to a stop.
@@ -219,6 +222,7 @@ impl Summary {
                 name: name.to_owned(),
                 status: state.map_or(Status::Finished, |state| state.status),
                 distance_m,
+                has_left: state.is_none(),
                 mean_speed_mps: distance_m / (until_s - totals.there_s[0]).max(1e-9),
                 stops: totals.stops,
                 longest_stand_s: totals.longest_stand_s,
@@ -240,7 +244,10 @@ impl Summary {
         let lanes = observer.lanes().unused().map(|lane| experiment.city_map.lane(lane).name.clone());
         // An empty sum of floats is -0.
         let mean = |of: fn(&VehicleSummary) -> f64| {
-            vehicles.values().map(of).fold(0.0, |sum, value| sum + value) / vehicles.len().max(1) as f64
+            let is_obstacle = |id| observer.traffic().vehicle(id).is_some_and(Tracked::is_obstacle);
+            let drivers = || vehicles.iter().filter(|(id, _)| !is_obstacle(VehicleId(**id)));
+            let sum = drivers().fold(0.0, |sum, (_, vehicle)| sum + of(vehicle));
+            sum / drivers().count().max(1) as f64
         };
         Self {
             scenario: experiment.name.clone(),

@@ -2,7 +2,7 @@
 
 use city3d_control::coordination::ControlZone;
 use city3d_dynamics::vehicle::ModelKind;
-use city3d_protocol::snapshot::VehicleId;
+use city3d_protocol::snapshot::{Event, EventKind, VehicleId};
 use city3d_roadmap::ZoneKind;
 use city3d_simulation::measures::{TrafficMeasures, TrafficReport};
 use city3d_simulation::runner::Run;
@@ -169,4 +169,51 @@ fn whoever_takes_another_route_keeps_its_place_and_its_delay() {
     // Who would be found laps ahead would be in crossings where it is not.
     let findings = measures.audit_conflicts(&experiment.lab_map, &[ZoneKind::Cross]);
     assert!(findings.is_empty(), "{} of {}", findings.len(), measures.encroachments().len());
+}
+
+/// A vehicle that is parked in the way is no traffic, and one that a person backs into another has touched it.
+#[test]
+fn an_obstacle_has_no_delay_and_does_not_wait() {
+    let (text, library) = Library::scenario("straight").unwrap();
+    let overrides = Overrides { duration_s: Some(12.0), ..Overrides::default() };
+    let parked = r#"
+[driver.parked]
+controller = "parked"
+
+[[vehicle]]
+name = "obstacle"
+route = ["main-boulevard/east/outer/2"]
+at_m = 0.5
+speed_mps = 0.0
+driver = "parked"
+"#;
+    let read = |text: &str| Arc::new(read_experiment("straight", text, &library, overrides).unwrap());
+    let (without, with) = (read(&text), read(&format!("{text}\n{parked}")));
+    assert_eq!(with.vehicles.len(), without.vehicles.len() + 1);
+    let [without, with] = [without, with].map(|experiment| measured(&experiment, Vec::new()));
+    let told = |of: &TrafficMeasures| (of.trips(), of.queue().now, of.mean_speed_now_mps());
+    assert_eq!(told(&with), told(&without));
+    let obstacle = with.vehicles().last().unwrap();
+    assert!(obstacle.is_obstacle() && !obstacle.is_under_way());
+}
+
+#[test]
+fn vehicles_that_touch_have_no_gap_from_whatever_side() {
+    let experiment = experiment("straight", Overrides::default());
+    let mut measures = TrafficMeasures::new(&experiment);
+    let mut run = Run::new(Arc::clone(&experiment)).unwrap();
+    run.step();
+    let mut snapshot = run.snapshot().clone();
+    measures.observe(Some(run.mainframe()), &snapshot);
+    let before = measures.safety();
+    assert!(before.min_gap_m.is_some_and(|gap_m| gap_m > 0.0) && before.max_drac_mps2.is_finite());
+    let [first, second] = [0, 1].map(|index| snapshot.vehicles[index].id);
+    let kind = EventKind::Collision { with: first };
+    snapshot.events = vec![Event { time_s: snapshot.time_s, vehicle: second, kind }];
+    (snapshot.tick, snapshot.time_s) = (snapshot.tick + 1, snapshot.time_s + 0.01);
+    measures.observe(Some(run.mainframe()), &snapshot);
+    for safety in [&measures.vehicle(first).unwrap().safety, &measures.vehicle(second).unwrap().safety] {
+        assert_eq!((safety.min_gap_m, safety.min_ttc_s), (Some(0.0), Some(0.0)));
+        assert!(safety.max_drac_mps2.is_infinite() && safety.ttc_encounters == 1);
+    }
 }

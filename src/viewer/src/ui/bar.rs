@@ -180,6 +180,9 @@ fn run_controls(
         button(ui, "\u{23ed} Step", can_run && !shown.past.is_shown, &tip, Order::Step);
     }
     let tip = match shown.city {
+        CityKind::Local if shown.run_state.phase == RunPhase::Over => {
+            "Back to the start. The log is kept; a new one begins"
+        }
         CityKind::Local => "Back to the start, after a question. The log so far is kept; a new one begins",
         CityKind::Served => "Back to the start with the same vehicles; a new log begins",
         CityKind::Elsewhere => "Asks the city to go back to its start",
@@ -433,7 +436,9 @@ fn camera_tip(mode: CameraMode) -> &'static str {
             "From behind the windscreen of the selected vehicle; without one, of the nearest"
         }
         CameraMode::Overhead => "Straight down",
-        CameraMode::Free => "Fly with W A S D, Q and E; drag to look around",
+        CameraMode::Free => {
+            "Fly with the keys of the camera (W A S D, Q and E unless the settings say otherwise); drag to look around"
+        }
     }
 }
 

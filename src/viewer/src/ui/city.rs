@@ -4,6 +4,7 @@ use super::commands::{
     Binding, CONTROLLERS, Command, DRIVING_KEYS, INDICATE_LEFT, INDICATE_RIGHT, KeyMap, RELEASE, RESET,
     REVERSE, START_OR_PAUSE,
 };
+use super::inspector;
 use super::layers::{self, Canvas};
 use super::vehicle_menu::{MenuSubject, VehicleMenu};
 use super::{
@@ -326,15 +327,14 @@ fn trouble(state: &UiState, shown: &ViewModel<'_>, vehicle: &VehicleState, rever
     }
 }
 
-/// Whether the vehicle that is nearest to one is ahead of it; `None` where none is near enough to have been hit.
+/// Whether the vehicle that one has collided with is ahead of it; `None` where it was no vehicle, or is no longer near.
 fn struck_is_ahead(shown: &ViewModel<'_>, vehicle: &VehicleState) -> Option<bool> {
     /// Between the middles of two vehicles that touch, at most, metres.
     const TOUCHING_M: f64 = 9.0;
-    let to = |other: &VehicleState| (other.position - vehicle.position).truncate();
-    let others = shown.run_state.now.vehicles.iter().filter(|other| other.id != vehicle.id);
-    let nearest = others.map(to).min_by(|a, b| a.length().total_cmp(&b.length()));
-    let nearest = nearest.filter(|way| way.length() < TOUCHING_M)?;
-    Some(nearest.dot(vehicle.forward()) > 0.0)
+    let (_, struck) = inspector::last_collision(shown, vehicle.id)?;
+    let struck = shown.run_state.now.vehicle(struck?)?;
+    let way = (struck.position - vehicle.position).truncate();
+    (way.length() < TOUCHING_M).then(|| way.dot(vehicle.forward()) > 0.0)
 }
 
 /// Shows what is being loaded; the city stays as it is.

@@ -6,6 +6,7 @@ use super::{DecimalSeparator, UiAction, UiState, VehicleNames, ViewModel, bar, c
 use city3d_protocol::snapshot::{EventKind, FrameSnapshot, Status, VehicleId, VehicleInfo};
 use city3d_session::RunPhase;
 use city3d_session::playback::{MarkKind, Occurrence, PlaybackCommand, TimelineMark};
+use city3d_simulation::scenario::counted;
 use egui::{Align, Button, Color32, Layout, RichText, Sense, Ui, Vec2};
 use egui_extras::{Column, TableBuilder};
 
@@ -21,6 +22,8 @@ pub struct EventFilter {
     grave: Vec<usize>,
     /// The last current row of the list.
     present: Option<usize>,
+    /// The event that was shown last: of several at one time it is the current one.
+    chosen: Option<TimelineMark>,
     /// The filter, number and last of the events that these belong to.
     of: Option<(String, usize, Option<TimelineMark>)>,
     /// The rows of the list while the mouse holds them.
@@ -39,7 +42,7 @@ struct HeldEvents {
 
 impl EventFilter {
     /// Takes the events that have come since.
-    pub(super) fn update(&mut self, marks: &[TimelineMark]) {
+    pub(super) fn update(&mut self, marks: &[TimelineMark], names: &VehicleNames) {
         let known = match &self.of {
             Some((filter, count, last)) if *filter == self.filter => {
                 let is_same = marks.len() >= *count && marks[..*count].last() == last.as_ref();
@@ -60,7 +63,13 @@ impl EventFilter {
             if matches!(mark.what.kind(), MarkKind::Stop | MarkKind::LongStop) {
                 label.push_str(" stop");
             }
-            words.iter().all(|word| label.contains(word) || vehicle == *word)
+            let name = names.get(&mark.vehicle).map(|name| name.to_lowercase()).unwrap_or_default();
+            // A number is that of a vehicle, whole, and no part of a name.
+            let is_it = |word: &String| match word.parse::<u32>() {
+                Ok(_) => vehicle == *word || label.split(|c: char| !c.is_ascii_digit()).any(|of| of == word),
+                Err(_) => label.contains(word) || name.contains(word),
+            };
+            words.iter().all(is_it)
         };
         for (place, mark) in marks.iter().enumerate().skip(known) {
             if words.is_empty() || matches(mark) {
@@ -89,6 +98,19 @@ impl EventFilter {
         let rows = held.rows.clone();
         self.held = Some(held);
         rows
+    }
+
+    /// The last of some events in order of time up to a time; of several at that time the one that was chosen.
+    fn current<'m>(
+        &self,
+        marks: impl DoubleEndedIterator<Item = &'m TimelineMark>,
+        until_s: f64,
+    ) -> Option<&'m TimelineMark> {
+        let mut so_far = marks.rev().skip_while(|mark| mark.time_s > until_s + 1e-6);
+        let last = so_far.next()?;
+        let mut of_time = so_far.take_while(|mark| mark.time_s == last.time_s);
+        let chosen = self.chosen.as_ref().filter(|chosen| *chosen != last);
+        chosen.and_then(|chosen| of_time.find(|mark| *mark == chosen)).or(Some(last))
     }
 
     /// Number of matches.
@@ -156,7 +178,7 @@ pub(super) fn go_to(mark: &TimelineMark, state: &mut UiState, actions: &mut Vec<
 /// The button with the number of events, which opens the list.
 pub(super) fn list_button(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>) {
     let (all, matching) = (shown.events.len(), state.events.count());
-    let text = if matching == all { format!("{all} events") } else { format!("{matching} of {all} events") };
+    let text = if matching == all { counted(all, "event") } else { format!("{matching} of {all} events") };
     let button = Button::selectable(state.open.events, text).min_size(Vec2::new(84.0, 0.0));
     if ui.add(button).on_hover_text(commands::EVENTS.tip(ui.ctx(), "The list of events")).clicked() {
         state.open.events = !state.open.events;
@@ -202,6 +224,11 @@ pub(super) fn grave_counts(
         let words = event_words(shown.names, &next, state.preferences.decimal);
         let tip = format!("Show{which}: {words}");
         let more = if count == 1 { "" } else { ". Another click shows the one before" };
+        let more = if view.is_played() {
+            format!("{more}. The number is that of the whole run")
+        } else {
+            more.to_owned()
+        };
         let tip = with_remark(shown, &next, &format!("{tip}{more}"));
         let is_by_key = next_shown(view, state.events.grave(view.marks)).is_some_and(|(_, of)| *of == next);
         let tip = if is_by_key { commands::GRAVE_EVENT.tip(ui.ctx(), &tip) } else { tip };
@@ -237,7 +264,7 @@ pub(super) fn live(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>, acti
     }
     // Who looks at the past sees what had happened until then.
     let until_s = if view.is_played() { view.head.at_s } else { f64::INFINITY };
-    let last = state.events.of(shown.events).rfind(|mark| mark.time_s <= until_s + 1e-6).cloned();
+    let last = state.events.current(state.events.of(shown.events), until_s).cloned();
     if let Some(last) = last.filter(|_| ui.available_size_before_wrap().x > LEAST_WORDS) {
         let words = event_words(shown.names, &last, state.preferences.decimal);
         let text = RichText::new(&words).small();
@@ -318,6 +345,7 @@ fn with_remark(shown: &ViewModel<'_>, mark: &TimelineMark, tip: &str) -> String 
 
 /// Selects the vehicle of an event, and seeks to its time; the camera stays.
 pub(super) fn select(mark: &TimelineMark, state: &mut UiState, actions: &mut Vec<UiAction>) {
+    state.events.chosen = Some(mark.clone());
     if state.driving.is_none() {
         (state.selection.vehicle, state.table.reveal) = (Some(mark.vehicle), true);
     }
@@ -330,6 +358,7 @@ pub(super) fn update(mark: &TimelineMark, state: &mut UiState) -> PlaybackComman
         return PlaybackCommand::Show(mark.time_s);
     }
     state.keep_view();
+    state.events.chosen = Some(mark.clone());
     state.selection.vehicle = Some(mark.vehicle);
     state.selection.follow = Some(mark.vehicle);
     state.viewpoint.come_near();
@@ -365,9 +394,11 @@ pub(super) fn show(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>, acti
         let field = egui::TextEdit::singleline(&mut state.events.filter)
             .hint_text("collision, merge 3 ...")
             .desired_width(ui.available_width());
-        ui.add(field).on_hover_text("Filter by words and vehicles; the timeline shows the same events");
+        ui.add(field).on_hover_text(
+            "Filter by words, and by names or numbers of vehicles; the timeline shows the same events",
+        );
     });
-    state.events.update(shown.events);
+    state.events.update(shown.events, shown.names);
     let was_held = state.events.held.is_some();
     let marks = state.events.rows(shown.events, is_held);
     if marks.is_empty() {
@@ -406,7 +437,8 @@ fn list(
     let view = TimelineView::of(shown);
     let at_s = if view.is_played() { view.head.at_s } else { f64::INFINITY };
     // The last event before the playhead is the current one; of a live run the newest.
-    let present = marks.partition_point(|mark| mark.time_s <= at_s + 1e-6).checked_sub(1);
+    let present = state.events.current(marks.iter(), at_s);
+    let present = present.and_then(|mark| marks.iter().rposition(|other| std::ptr::eq(other, mark)));
     let mut builder = TableBuilder::new(ui)
         .striped(true)
         .sense(Sense::click())

@@ -4,11 +4,12 @@
 use super::commands::{PREVIEW, TAKE_CONTROL, key_map};
 use super::theme::{self, DecimalSeparator, SpeedUnit};
 use super::{CityKind, UiAction, UiState, ViewModel, plans, status};
+use city3d_control::PLAN_SLACK_M;
 use city3d_protocol::snapshot::{
     ControlDecision, DecisionReason, EventKind, Status, VehicleId, VehicleInfo, VehicleState,
 };
 use city3d_session::ControlInsight;
-use city3d_session::playback::Occurrence;
+use city3d_session::playback::{Occurrence, TimelineMark};
 use city3d_simulation::measures::{LeaderAhead, TrafficPlace};
 use egui::{Color32, Grid, Label, RectAlign, Response, RichText, Tooltip, Ui};
 
@@ -189,24 +190,28 @@ fn why(
 
 /// The last collision of a vehicle so far, in words, and the other vehicle.
 fn collision_words(shown: &ViewModel<'_>, id: VehicleId) -> (String, Option<VehicleId>) {
+    let Some((mark, other)) = last_collision(shown, id) else { return ("has collided".to_owned(), None) };
+    let with = match (&mark.what, other) {
+        (_, Some(other)) => other.to_string(),
+        (Occurrence::Event(EventKind::CollisionStatic { with }), None) => with.clone(),
+        _ => "something".to_owned(),
+    };
+    (format!("collided with {with} at {:.2} s", mark.time_s), other)
+}
+
+/// The last collision of a vehicle up to the shown time, and the vehicle that it was with; `None` for what is no vehicle.
+pub(super) fn last_collision<'a>(
+    shown: &ViewModel<'a>,
+    id: VehicleId,
+) -> Option<(&'a TimelineMark, Option<VehicleId>)> {
     let until_s = shown.run_state.now.time_s + 1e-6;
     let mut so_far = shown.events.iter().rev().filter(|mark| mark.time_s <= until_s);
-    let found = so_far.find_map(|mark| match &mark.what {
-        Occurrence::Event(EventKind::Collision { with }) if mark.vehicle == id => {
-            Some((mark.time_s, with.to_string(), Some(*with)))
-        }
-        Occurrence::Event(EventKind::Collision { with }) if *with == id => {
-            Some((mark.time_s, mark.vehicle.to_string(), Some(mark.vehicle)))
-        }
-        Occurrence::Event(EventKind::CollisionStatic { with }) if mark.vehicle == id => {
-            Some((mark.time_s, with.clone(), None))
-        }
+    so_far.find_map(|mark| match &mark.what {
+        Occurrence::Event(EventKind::Collision { with }) if mark.vehicle == id => Some((mark, Some(*with))),
+        Occurrence::Event(EventKind::Collision { with }) if *with == id => Some((mark, Some(mark.vehicle))),
+        Occurrence::Event(EventKind::CollisionStatic { .. }) if mark.vehicle == id => Some((mark, None)),
         _ => None,
-    });
-    match found {
-        Some((time_s, with, other)) => (format!("collided with {with} at {time_s:.2} s"), other),
-        None => ("has collided".to_owned(), None),
-    }
+    })
 }
 
 /// A decision in words.
@@ -308,7 +313,12 @@ fn traffic(ui: &mut Ui, shown: &ViewModel<'_>, place: Option<&TrafficPlace>, lin
     let text = format!("{} {name}", leader.vehicle);
     let tip = "The nearest vehicle ahead on its way";
     row_with_vehicle(ui, ("Leader", &text, tip), leader.vehicle, link);
-    row(ui, "Gap", &gap_words(leader, decimal), "From bumper to bumper; time headway: gap over its speed");
+    row(
+        ui,
+        "Gap",
+        &gap_words(leader, decimal),
+        "From bumper to bumper; time headway: gap over its speed; time to collision: gap over the speed at which it closes, where that is below 20 s",
+    );
 }
 
 /// Gap, headway and time to collision in words.
@@ -333,6 +343,7 @@ fn trajectory(
     let lateral = match vehicle.tracked_lateral_error_m().filter(|_| !is_driven) {
         _ if !shown.has_control_data => not_told(shown).to_owned(),
         _ if !status::is_tracked(vehicle.status) => format!("{}, not tracked", status::NOT_MEASURED),
+        None if vehicle.status == Status::Collided && !is_driven => COLLIDED.to_owned(),
         None => NO_PATH.to_owned(),
         Some(_) if is_off_route => OFF_ROUTE.to_owned(),
         Some(error_m) => centimetres(error_m),
@@ -341,10 +352,15 @@ fn trajectory(
     let ahead = match decision {
         None => not_told(shown).to_owned(),
         Some(_) if is_driven => NO_PATH.to_owned(),
+        Some(_) if vehicle.status == Status::Collided => COLLIDED.to_owned(),
         Some(_) if is_off_route => OFF_ROUTE.to_owned(),
         Some(decision) => centimetres(decision.longitudinal_error_m),
     };
-    row(ui, "Longitudinal error", &ahead, "How far its plan is ahead of its estimated place");
+    let most_m = decimal.fixed(shown.scale().city_from_lab(PLAN_SLACK_M), 1);
+    let tip = format!(
+        "How far its plan is ahead of its estimated place: {most_m} m at most either way, beyond which the plan keeps to its place"
+    );
+    row(ui, "Longitudinal error", &ahead, &tip);
     let noise = decision.and_then(|decision| decision.measured).map_or_else(
         || not_told(shown).to_owned(),
         |measured| {
@@ -362,6 +378,7 @@ fn trajectory(
 
 /// In place of an error of tracking.
 const NO_PATH: &str = "no path, a person drives";
+const COLLIDED: &str = "no path, it has collided";
 
 /// Whether a vehicle is on no lane of its route, as after a person has driven it.
 pub(super) fn is_off_route(decision: Option<&ControlDecision>) -> bool {

@@ -109,7 +109,7 @@ pub fn show(ui: &mut Ui, state: &mut UiState) {
             ui.checkbox(&mut layers.labels, labels);
             layer(ui, &mut layers.boxes, "Boxes", "3D boxes around all vehicles");
             layer(ui, &mut layers.tracks, "Driven paths", "Where vehicles have been in the last 20 s");
-            layer(ui, &mut layers.path, "Way ahead", "The next 6 s of its route at the present speed, with a dot for each second");
+            layer(ui, &mut layers.path, "Way ahead", "The next 6 s of its route at the present speed, at least 12 m, with a dot for each second; none while it backs up");
             layer(ui, &mut layers.gaps, "Gaps and headways", "From bumper to bumper to the vehicle ahead, in metres and seconds");
             layer(ui, &mut layers.plans, "Plans of coordinated vehicles", "Where a coordinated vehicle will be at which time, as was agreed before it came into its control zone");
             layer(ui, &mut layers.measured, "Measured against true pose", "The outline where motion capture has measured it last, beside the true one");

@@ -136,7 +136,8 @@ pub fn show(ui: &Ui, rect: Rect, state: &mut UiState, shown: &ViewModel<'_>) {
             state.viewpoint.look_at(point);
         }
     }
-    response.on_hover_text("Click to look there, right-click a vehicle for its menu (M hides the map)");
+    let tip = "Click to look there, right-click a vehicle for its menu; this key hides the map";
+    response.on_hover_text(commands::MAP.tip(ui.ctx(), tip));
 }
 
 /// Fewer points of a line: those left out lie closer than a fifth of a point to it. Each costs a software adapter as much as a letter.

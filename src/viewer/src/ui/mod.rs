@@ -500,7 +500,7 @@ pub fn show(ui: &mut egui::Ui, state: &mut UiState, shown: &ViewModel<'_>) -> Ve
         // A closed list must not hide events.
         state.events.filter.clear();
     }
-    state.events.update(shown.events);
+    state.events.update(shown.events, shown.names);
     key_page::capture(ui, state);
     palette::show(ui, state, shown, &mut actions);
     keys::act(ui, state, shown, &mut actions);
@@ -573,7 +573,7 @@ fn footer(ui: &mut egui::Ui, shown: &ViewModel<'_>) {
             }
             // What tells its runs apart; an edited scenario has none yet.
             if shown.city != CityKind::Elsewhere && shown.edit.is_none() {
-                let tip = "Seed and environment of this run: the same pair repeats it";
+                let tip = "Seed and environment of this run: the same pair repeats it, unless a person drives or other values were set";
                 ui.small(shown.conditions).on_hover_text(tip);
             }
             ui.add(egui::Label::new(egui::RichText::new(shown.footer).small().weak()).truncate());

@@ -216,7 +216,10 @@ const NUMBERS: [(&str, &str); 7] = [
     ("In zone", "Vehicles between the entry lines and the last conflicts"),
     ("With a plan", "Vehicles in the zone with a plan"),
     ("Without a plan", "Vehicles in the zone without a plan; they drive by the rules of the road"),
-    ("Waiting", "Vehicles that stand in the zone"),
+    (
+        "Waiting",
+        "Vehicles in the zone that stand; where nobody coordinates, its queue with those that wait outside for room",
+    ),
     ("Plans", "Plans given so far"),
     ("Replans", "Plans that were dropped: the vehicle, or another one, did not do what was expected"),
     ("Infeasible", "Requests for which no plan kept bounds and gaps; a vehicle asks more than once"),

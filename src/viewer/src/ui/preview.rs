@@ -1,16 +1,22 @@
 //! The preview panels: camera picture, pedals and running plots of one vehicle.
 
+mod gauges;
+mod plots;
+
+use self::gauges::pedals;
+pub use self::plots::KEPT_S;
+use self::plots::plots;
+pub(super) use self::plots::{marks, round_step};
 use super::theme::SpeedUnit;
 use super::{
-    PictureRequest, PictureSlot, UiAction, UiState, ViewModel, bar, commands, events, inspector,
-    picture_legend, plans, status, theme,
+    PictureRequest, PictureSlot, UiAction, UiState, ViewModel, bar, commands, picture_legend, plans, status,
+    theme,
 };
-use city3d_geometry::{KMH_PER_MPS, LengthScale, trig};
-use city3d_protocol::snapshot::{FrameSnapshot, Status, VehicleId, VehicleInfo, VehicleState};
+use city3d_geometry::LengthScale;
+use city3d_protocol::snapshot::{FrameSnapshot, VehicleId, VehicleInfo, VehicleState};
 use city3d_sensors::{Camera, Lens, Mount, MountPoint, PictureKind, View};
 use egui::emath::GuiRounding as _;
-use egui::{Align, Align2, Color32, ComboBox, FontId, Layout, RichText, Sense, Ui, Vec2};
-use egui_plot::{AxisHints, GridMark, Line, Plot, PlotPoints};
+use egui::{Align, Color32, ComboBox, Layout, RichText, Sense, Ui, Vec2};
 use serde::{Deserialize, Serialize};
 
 /// The camera of a preview.
@@ -238,7 +244,9 @@ fn show(
             heading(ui, shown, (vehicle, info));
         });
     });
-    picture(ui, (preview, layout.aspect), shown, state);
+    // The speed may be wider than its place.
+    let width = ui.available_width();
+    // Above the picture, whose legend comes and goes.
     ui.horizontal_wrapped(|ui| {
         ui.spacing_mut().item_spacing.x = 4.0;
         let width = (ui.available_width() - SPEED_WIDTH - DRIVE).clamp(PICKER, WIDEST_PICKER);
@@ -248,7 +256,8 @@ fn show(
         }
         speed(ui, vehicle, (state.preferences.units, shown.scale()));
     });
-    pedals(ui, vehicle, shown.has_control_data && status::is_tracked(vehicle.status));
+    picture(ui, preview, (width, layout.aspect), (shown, state));
+    pedals(ui, vehicle, (info.is_physical(), shown.has_control_data));
     if let Some((words, tip)) = plans::words(shown, preview.vehicle, state.preferences.decimal) {
         ui.add(egui::Label::new(RichText::new(words).small()).truncate()).on_hover_text(tip);
     }
@@ -323,9 +332,14 @@ fn drive_button(
 }
 
 /// The picture, aligned to pixels: one screen pixel per camera pixel. Its legend is below, where it hides nothing.
-fn picture(ui: &mut Ui, (preview, aspect): (&Preview, f32), shown: &ViewModel<'_>, state: &mut UiState) {
+fn picture(
+    ui: &mut Ui,
+    preview: &Preview,
+    (width, aspect): (f32, f32),
+    (shown, state): (&ViewModel<'_>, &mut UiState),
+) {
     let per_point = ui.ctx().pixels_per_point();
-    let width = (ui.available_width().max(40.0) * per_point).floor();
+    let width = (width.max(40.0) * per_point).floor();
     let size = Vec2::new(width, (width / aspect).round()) / per_point;
     let legend = picture_legend::height(ui.painter(), size.x, preview.kind);
     let (rect, response) = ui.allocate_exact_size(size + Vec2::new(0.0, legend), Sense::hover());
@@ -391,233 +405,4 @@ fn speed(ui: &mut Ui, vehicle: &VehicleState, (units, scale): (SpeedUnit, Length
         true => "Speed along its heading",
         false => status::NOT_MEASURED_TIP,
     });
-}
-
-/// Steering, gas, brake and handbrake as bars and numbers; without numbers where only poses are known.
-fn pedals(ui: &mut Ui, vehicle: &VehicleState, is_told: bool) {
-    if !is_told {
-        for name in ["Steering", "Gas", "Brake", "Handbrake"] {
-            gauge(ui, (name, status::NOT_MEASURED_TIP), "-", |_, _| {});
-        }
-        return;
-    }
-    let steering_deg = vehicle.steering_rad.to_degrees();
-    steering(ui, steering_deg);
-    bar(ui, ("Gas", "How far the gas pedal is down, 0 to 1"), vehicle.gas, Color32::from_rgb(90, 170, 90));
-    bar(
-        ui,
-        ("Brake", "How far the brake pedal is down, 0 to 1"),
-        vehicle.brake,
-        Color32::from_rgb(205, 80, 70),
-    );
-    bar(ui, ("Handbrake", "0 released, 1 pulled"), vehicle.handbrake, Color32::from_rgb(205, 140, 60));
-}
-
-const NAME_WIDTH: f32 = 72.0;
-const NUMBER_WIDTH: f32 = 56.0;
-const BAR_HEIGHT: f32 = 14.0;
-/// Steering angle at the end of the bar.
-const STEERING_END_DEG: f64 = 45.0;
-
-fn bar(ui: &mut Ui, name: (&str, &str), value: f64, colour: Color32) {
-    let number = theme::decimal(ui.ctx()).fixed(value, 2);
-    gauge(ui, name, &number, |painter, rect| {
-        let width = rect.width() * value.clamp(0.0, 1.0) as f32;
-        painter.rect_filled(
-            egui::Rect::from_min_size(rect.min, Vec2::new(width, rect.height())),
-            2.0,
-            colour,
-        );
-    });
-}
-
-/// Left is left.
-fn steering(ui: &mut Ui, angle_deg: f64) {
-    let number = theme::decimal(ui.ctx()).tenths(angle_deg);
-    let sign = if number.starts_with('-') { "" } else { "+" };
-    let name = ("Steering", "Angle of the front wheels; + to the left");
-    gauge(ui, name, &format!("{sign}{number}\u{b0}"), |painter, rect| {
-        let share = (-angle_deg / STEERING_END_DEG).clamp(-1.0, 1.0) as f32;
-        let middle = rect.center().x;
-        let end = middle + share * rect.width() / 2.0;
-        let part = egui::Rect::from_x_y_ranges(middle.min(end)..=middle.max(end), rect.y_range());
-        painter.rect_filled(part, 0.0, Color32::from_rgb(90, 140, 210));
-        painter.vline(middle, rect.y_range(), egui::Stroke::new(1.0, Color32::GRAY));
-    });
-}
-
-fn gauge(
-    ui: &mut Ui,
-    (name, tip): (&str, &str),
-    number: &str,
-    fill: impl FnOnce(&egui::Painter, egui::Rect),
-) {
-    let size = Vec2::new(ui.available_width(), BAR_HEIGHT);
-    let (rect, response) = ui.allocate_exact_size(size, Sense::hover());
-    response.widget_info(|| {
-        egui::WidgetInfo::labeled(egui::Role::ProgressIndicator, true, format!("{name} {number}"))
-    });
-    response.on_hover_text(tip);
-    let painter = ui.painter_at(rect);
-    let colour = ui.visuals().text_color();
-    let font = FontId::proportional(12.0);
-    painter.text(rect.left_center(), Align2::LEFT_CENTER, name, font, colour);
-    painter.text(rect.right_center(), Align2::RIGHT_CENTER, number, FontId::monospace(12.0), colour);
-    let mut track = rect.shrink2(Vec2::new(0.0, 2.0));
-    track.min.x += NAME_WIDTH;
-    track.max.x = (track.max.x - NUMBER_WIDTH).max(track.min.x);
-    painter.rect_filled(track, 2.0, ui.visuals().extreme_bg_color);
-    let edge = ui.visuals().widgets.noninteractive.bg_stroke;
-    painter.rect_stroke(track, 2.0, edge, egui::StrokeKind::Outside);
-    fill(&painter, track);
-}
-
-/// End of the axis of speeds, unless a vehicle is faster.
-const USUAL_KMH: f64 = 50.0;
-/// Time span of the running plots, simulated seconds.
-pub const KEPT_S: f64 = 30.0;
-
-fn plots(
-    ui: &mut Ui,
-    (shown, units): (&ViewModel<'_>, SpeedUnit),
-    vehicle: &VehicleState,
-    layout: PreviewLayout,
-) {
-    if layout.plots == PlotPlaces::Nowhere {
-        let text = RichText::new("Plots: in a taller window, or with one preview").small().weak();
-        ui.add(egui::Label::new(text).truncate());
-        return;
-    }
-    let is_compact = layout.plots == PlotPlaces::SideBySide;
-    let (history, now_s, scale) = (shown.history, shown.run_state.now.time_s, shown.scale());
-    // The last point is the present value: samples are some ticks apart.
-    let past = history.between(now_s - KEPT_S, now_s);
-    let series = |of: &dyn Fn(&VehicleState) -> Option<f64>| -> Vec<[f64; 2]> {
-        let earlier = past.iter().filter(|state| state.time_s() < now_s);
-        // Where it was not measured there is a gap.
-        let known = |state: &VehicleState| match status::is_tracked(state.status) {
-            true => of(state),
-            false => Some(f64::NAN),
-        };
-        let samples = earlier.filter_map(|state| Some((state.time_s(), known(&state.vehicle(vehicle.id)?)?)));
-        let samples = samples.map(|(time_s, value)| [time_s - now_s, value]);
-        samples.chain(known(vehicle).map(|now| [0.0, now])).collect()
-    };
-    let height = if is_compact { 58.0 } else { 78.0 };
-    let whose = events::named(shown.names, vehicle.id);
-    let blue = theme::on_panel(ui.ctx(), Status::Manual);
-    let speeds = |ui: &mut Ui| {
-        let of = |speed_mps: f64| units.of(speed_mps, scale);
-        let speeds = series(&|sample| Some(of(sample.speed_mps)));
-        let plot = SmallPlot { quantity: "Speed", unit: units.label(), whose: &whose, height };
-        plot.show(ui, speeds, (0.0, of(USUAL_KMH / KMH_PER_MPS)), blue);
-    };
-    let orange = theme::on_panel(ui.ctx(), Status::Stopped);
-    let errors = |ui: &mut Ui| {
-        let is_manual = vehicle.tracked_lateral_error_m().is_none();
-        let insight = shown.run_state.insight.as_deref();
-        let is_off_route = inspector::is_off_route(insight.and_then(|insight| insight.decision(vehicle.id)));
-        if is_manual || is_off_route || !shown.has_control_data {
-            let tip = if is_manual {
-                "A person drives: there is no path to follow"
-            } else if is_off_route {
-                "It is off its route: there is no path to follow"
-            } else {
-                "Only poses are known: the log does not have its desired path"
-            };
-            ui.label(RichText::new("Lateral error, cm: -").small()).on_hover_text(tip);
-            return;
-        }
-        let errors = series(&|sample| Some(sample.tracked_lateral_error_m()? * 100.0));
-        let plot = SmallPlot { quantity: "Lateral error", unit: "cm", whose: &whose, height };
-        plot.show(ui, errors, (-10.0, 10.0), orange);
-    };
-    if is_compact {
-        ui.columns(2, |columns| {
-            speeds(&mut columns[0]);
-            errors(&mut columns[1]);
-        });
-    } else {
-        speeds(ui);
-        errors(ui);
-    }
-}
-
-/// A running plot of one quantity of one vehicle.
-struct SmallPlot<'a> {
-    quantity: &'a str,
-    unit: &'a str,
-    whose: &'a str,
-    height: f32,
-}
-
-impl SmallPlot<'_> {
-    fn show(&self, ui: &mut Ui, points: Vec<[f64; 2]>, (low, high): (f64, f64), colour: Color32) {
-        let decimal = theme::decimal(ui.ctx());
-        let name = format!("{}, {}", self.quantity, self.unit);
-        let last = points.last().map_or_else(String::new, |[_, value]| match value.is_finite() {
-            true => format!(" {}", decimal.tenths(*value)),
-            false => format!(" {}", status::NOT_MEASURED),
-        });
-        ui.label(RichText::new(format!("{name}:{last}")).small())
-            .on_hover_text(format!("The last {KEPT_S:.0} simulated seconds"));
-        let time = theme::small_axis(ui, AxisHints::new_x()).min_thickness(13.0).formatter(|mark, _| {
-            match mark.value {
-                ago if ago > -0.5 => "0 s".to_owned(),
-                ago => format!("{ago:.0}"),
-            }
-        });
-        let value = theme::value_axis(ui);
-        let axes = ["From now [s]", &format!("{} [{}]", self.quantity, self.unit)];
-        let pieces = points.split(|[_, value]| !value.is_finite()).filter(|piece| !piece.is_empty());
-        let line = |piece: &[[f64; 2]]| Line::new(self.whose, PlotPoints::from(piece.to_vec())).color(colour);
-        let lines: Vec<Line<'_>> = pieces.map(line).collect();
-        Plot::new(name)
-            .height(self.height)
-            .include_x(-KEPT_S)
-            .include_x(0.0)
-            .include_y(low)
-            .include_y(high)
-            .allow_zoom(false)
-            .allow_drag(false)
-            .allow_scroll(false)
-            .custom_x_axes(vec![time])
-            .custom_y_axes(vec![value])
-            .label_formatter(super::charts::hover::words_near(axes, decimal))
-            .x_grid_spacer(|_| marks((-KEPT_S, 0.0), KEPT_S / 2.0))
-            .y_grid_spacer(|grid| marks(grid.bounds, round_step(grid.bounds.1 - grid.bounds.0, 3.0)))
-            .show(ui, |plot| lines.into_iter().for_each(|line| plot.line(line)));
-    }
-}
-
-/// Grid marks at multiples of a step.
-pub(super) fn marks((from, to): (f64, f64), step: f64) -> Vec<GridMark> {
-    let (first, last) = ((from / step).ceil() as i64, (to / step).floor() as i64);
-    (first..=last).map(|k| GridMark { value: k as f64 * step, step_size: step }).collect()
-}
-
-/// The smallest of 1, 2, 5, 10, 20 ..., and of tenths and hundredths, that divides a span into at most so many.
-pub(super) fn round_step(span: f64, parts: f64) -> f64 {
-    let least = (span / parts).max(1e-3);
-    let power = trig::pow(10.0, trig::log10(least).floor());
-    let step = [1.0, 2.0, 5.0].into_iter().find(|step| step * power >= least);
-    step.unwrap_or(10.0) * power
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn axes_have_two_or_three_round_numbers_whatever_they_span() {
-        let values = |from: f64, to: f64| -> Vec<f64> {
-            marks((from, to), round_step(to - from, 3.0)).iter().map(|mark| mark.value).collect()
-        };
-        assert_eq!(values(-2.5, 52.5), [0.0, 20.0, 40.0]);
-        assert_eq!(values(-11.0, 11.0), [-10.0, 0.0, 10.0]);
-        assert_eq!(values(-11.0, 190.0), [0.0, 100.0]);
-        assert_eq!(values(-2.75, 57.75), [0.0, 50.0]);
-        assert_eq!(values(-0.03, 0.58), [0.0, 0.5], "metres a second in the laboratory");
-        assert!(values(-0.03, 1.3).len() > 1);
-    }
 }

@@ -87,8 +87,9 @@ fn menu(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>) -> Option<RunGo
     if shown.city == CityKind::Local {
         ui.horizontal(|ui| {
             let is_chosen = ui.button("Step").on_hover_text("That many steps of the simulation").clicked();
+            let unit = if state.run_until.steps == 1 { " step" } else { " steps" };
             let steps = theme::number_field(&mut state.run_until.steps).range(1..=100_000);
-            ui.add(steps.suffix(" steps"));
+            ui.add(steps.suffix(unit));
             if is_chosen {
                 goal = Some(after_steps(shown, state.run_until.steps));
             }

@@ -97,7 +97,7 @@ fn choices(ui: &mut Ui, state: &mut UiState) {
             ui.selectable_value(&mut preferences.units, unit, label);
         }
     });
-    units.response.on_hover_text("Unit of all speeds");
+    units.response.on_hover_text("Unit of all speeds. With laboratory units charts are in laboratory metres; gaps, distances and accelerations of the panels stay full-scale");
     ui.end_row();
     ui.label("Numbers");
     ui.horizontal(|ui| {

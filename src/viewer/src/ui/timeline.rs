@@ -410,7 +410,9 @@ fn clock(ui: &mut Ui, shown: &ViewModel<'_>, replay: &TimelineView<'_>) {
 /// Shows the visible range, where it is not the whole run.
 fn section(ui: &mut Ui, state: &mut UiState, replay: &TimelineView<'_>) {
     if let TimelineRange(Some((from_s, to_s))) = state.section {
-        let text = format!("{:.0} to {:.0} s", from_s, to_s);
+        let digits = if to_s - from_s < 10.0 { 1 } else { 0 };
+        let [from, to] = [from_s, to_s].map(|s| state.preferences.decimal.fixed(s, digits));
+        let text = format!("{from} to {to} s");
         let whole = ui.button("Whole run").on_hover_text("Show the whole run on the timeline again");
         ui.label(RichText::new(text).weak())
             .on_hover_text("The shown part of the run: scroll on the timeline to zoom");

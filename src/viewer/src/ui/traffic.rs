@@ -69,6 +69,11 @@ fn is_known(ui: &mut Ui, shown: &ViewModel<'_>) -> bool {
     if shown.replay.is_some() {
         label.on_hover_text(OF_LOG);
     }
+    let warm_up_s = traffic.measures().warm_up_s();
+    if warm_up_s > 0.0 {
+        let warm_up = decimal.fixed(warm_up_s, 0);
+        note(ui, format!("Flow, delay, slow stops and queues count from {warm_up} s on (warm-up)."));
+    }
     true
 }
 
@@ -80,12 +85,15 @@ struct FlowRow<'r> {
     passed: String,
     totals: PassageTotals,
     queue: &'r Queue,
+    /// The warm-up goes on: nothing is known of what counts after it.
+    warms_up: bool,
 }
 
 impl FlowRow<'_> {
     /// Its numbers, in the order of [`COLUMNS`].
     fn cells(&self, decimal: DecimalSeparator) -> [String; 9] {
         let (totals, queue) = (&self.totals, self.queue);
+        let counted = |text: String| if self.warms_up { "-".to_owned() } else { text };
         let seconds = |value: Option<f64>| value.map_or_else(|| "-".to_owned(), |s| decimal.fixed(s, 1));
         let flow = totals.throughput_per_h.map_or_else(|| NO_FLOW.to_owned(), |flow| format!("{flow:.0}"));
         [
@@ -94,10 +102,10 @@ impl FlowRow<'_> {
             flow,
             seconds(totals.mean_delay_s),
             seconds(totals.max_delay_s),
-            totals.stops.to_string(),
-            queue.now.to_string(),
-            decimal.fixed(queue.mean(), 1),
-            queue.max.to_string(),
+            counted(totals.stops.to_string()),
+            counted(queue.now.to_string()),
+            counted(decimal.fixed(queue.mean(), 1)),
+            counted(queue.max.to_string()),
         ]
     }
 }
@@ -105,8 +113,9 @@ impl FlowRow<'_> {
 /// Numbers of the whole city and of each control zone.
 fn flow(ui: &mut Ui, traffic: &LiveTraffic) {
     let measures = traffic.measures();
-    let there = |tracked: &&Tracked| tracked.trip.ended_s.is_none();
+    let there = |tracked: &&Tracked| tracked.is_under_way();
     let arrived = measures.vehicles().iter().filter(|tracked| tracked.trip.has_arrived).count();
+    let warms_up = measures.now_s() < measures.warm_up_s();
     let city = FlowRow {
         name: "City",
         colour: None,
@@ -114,6 +123,7 @@ fn flow(ui: &mut Ui, traffic: &LiveTraffic) {
         passed: arrived.to_string(),
         totals: measures.trips(),
         queue: measures.queue(),
+        warms_up,
     };
     let zones = measures.zones().enumerate().map(|(index, (zone, zone_traffic))| FlowRow {
         name: &zone.name,
@@ -122,6 +132,7 @@ fn flow(ui: &mut Ui, traffic: &LiveTraffic) {
         passed: zone_traffic.passages.len().to_string(),
         totals: measures.zone_totals(&zone.name).unwrap_or_default(),
         queue: &zone_traffic.queue,
+        warms_up,
     });
     let decimal = theme::decimal(ui.ctx());
     let rows: Vec<FlowRow<'_>> = std::iter::once(city).chain(zones).collect();
@@ -168,13 +179,13 @@ fn is_narrow(ui: &Ui) -> bool {
 
 /// What measures are that the card of a finished run has, too.
 pub(super) const FLOW: &str = "Exits after the first one over the time since it, vehicles an hour; none of fewer than two after the warm-up";
-pub(super) const DELAY: &str = "Mean time lost against driving alone, with the time held outside";
+pub(super) const DELAY: &str = "Mean time lost against driving alone, with the time held outside: of all that have set out, also those that are on their way or have collided; in a control zone of complete passages alone";
 pub(super) const MEAN_SPEED: &str = "Distance over the time in the city, mean over the vehicles: one that has arrived and stays there slows it, the longer the run goes on";
-pub(super) const LONGEST_STAND: &str = "Of any vehicle on its way, as the events tell it: from below 0.1 m/s until it was faster than 0.4 m/s and went away. Who has arrived does not count";
+pub(super) const LONGEST_STAND: &str = "Of any vehicle on its way, as the events tell it: from below 0.1 m/s until it was faster than 0.4 m/s and went away. Who has arrived, or has collided, does not count";
 pub(super) const SLOW_STOPS: &str = "Slow stops (< 0.5 m/s)";
-pub(super) const STOPS: &str = "How often vehicles on their routes became slower than 0.5 m/s, also where these end. Whoever has left its route, as a person may, does not count from then on, nor do its earlier stops. Events \"standstill\" are those below 0.1 m/s, of everybody";
+pub(super) const STOPS: &str = "How often vehicles on their routes became slower than 0.5 m/s, also where these end; in a control zone on complete passages alone. Whoever has left its route, as a person may, does not count from then on, nor do its earlier stops. Events \"standstill\" are those below 0.1 m/s, of everybody";
 
-const QUEUE: &str = "Vehicles on their way, also collided ones, that became slower than 0.5 m/s and have not been faster than 1 m/s since";
+const QUEUE: &str = "Vehicles on their way, also collided ones, that became slower than 0.5 m/s and have not been faster than 1 m/s since, and those that wait outside of the city for room";
 
 const COLUMNS: [(&str, &str); 10] = [
     ("", ""),
@@ -182,7 +193,7 @@ const COLUMNS: [(&str, &str); 10] = [
     ("Passed", "Vehicles that have arrived, or left the control zone behind its last conflict"),
     ("Flow (/h)", FLOW),
     ("Delay (s)", DELAY),
-    ("Most (s)", "Largest delay"),
+    ("Most (s)", "Largest of these delays"),
     (SLOW_STOPS, STOPS),
     ("Queue now", QUEUE),
     ("Queue, mean", "The same, mean over time"),
@@ -220,7 +231,7 @@ fn safety_and_energy(ui: &mut Ui, traffic: &LiveTraffic, units: SpeedUnit) {
     };
     let drac = match scale.city_from_lab(safety.max_drac_mps2) {
         // Where they touch no braking would have been enough.
-        drac if drac.is_infinite() => "none was enough: they touched".to_owned(),
+        drac if drac.is_infinite() => "infinite: they touched".to_owned(),
         drac if drac > 0.0 => of(drac, "m/s\u{b2}"),
         _ => "none so far".to_owned(),
     };
@@ -232,11 +243,15 @@ fn safety_and_energy(ui: &mut Ui, traffic: &LiveTraffic, units: SpeedUnit) {
             mean_speed.map_or_else(|| "-".to_owned(), |speed| format!("{speed} {}", units.label())),
             "Of the vehicles on their way. That of the whole run is on the card at its end",
         ),
-        ("Least time to collision", ttc, "Gap over closing speed to the vehicle ahead"),
+        (
+            "Least time to collision",
+            ttc,
+            "Gap over closing speed to the vehicle ahead, both on their routes: who was driven off its own counts as soon as it touches another. 0 s once two vehicles have touched, from whatever side",
+        ),
         (
             "Least gap",
             text(safety.min_gap_m.map(|m| scale.city_from_lab(m)), "m"),
-            "Bumper to bumper on one path",
+            "Bumper to bumper on one path, both on their routes: who was driven off its own counts as soon as it touches another. 0 m or less once two vehicles have touched, from whatever side",
         ),
         (
             "Least post-encroachment",
@@ -248,7 +263,7 @@ fn safety_and_energy(ui: &mut Ui, traffic: &LiveTraffic, units: SpeedUnit) {
         (
             "Most braking needed",
             drac,
-            "DRAC: the least deceleration that would have avoided a crash with the vehicle ahead; \"none so far\" while nobody has come nearer to another",
+            "DRAC: the least deceleration that would have avoided a crash with the vehicle ahead; \"none so far\" while nobody has come nearer to another, \"infinite\" where none would have been enough",
         ),
         (
             "Fuel, none while braking",

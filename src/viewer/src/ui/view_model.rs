@@ -2,12 +2,14 @@
 
 use super::{ChartView, ControlZoneArea, EditView, LiveTraffic, ScenarioCamera, VideoStatus, runs};
 use crate::cockpit::SteeringGeometry;
+use city3d_control::Route;
 use city3d_protocol::snapshot::{FrameSnapshot, VehicleId};
 use city3d_roadmap::{CityMap, LaneId};
 use city3d_scene::{RoadsOut, Wall};
 use city3d_sensors::{PictureKind, View};
 use city3d_session::playback::{Playhead, TimelineMark};
 use city3d_session::{RunHistory, RunState};
+use city3d_simulation::measures::Tracked;
 use std::collections::BTreeMap;
 
 /// Names of the control algorithms, by vehicle.
@@ -107,6 +109,14 @@ pub enum CityKind {
 }
 
 impl ViewModel<'_> {
+    /// The lanes that a vehicle is to follow: those of the control framework where it is known, for it reroutes who leaves its
+    /// own; else those of the scenario. Empty where neither is known.
+    pub fn route_of(&self, id: VehicleId) -> &[LaneId] {
+        let told = self.traffic.measures().vehicle(id).filter(|_| self.edit.is_none());
+        let told = told.and_then(Tracked::route).map(Route::lanes);
+        told.unwrap_or_else(|| self.routes.get(&id).map_or(&[][..], Vec::as_slice))
+    }
+
     /// Whether the user may take control of a vehicle.
     pub fn may_drive(&self, vehicle: VehicleId) -> bool {
         let own = self.run_state.link.as_ref().and_then(|link| link.own_vehicle);

@@ -84,6 +84,16 @@ impl ComparedCurves {
             return;
         }
         self.drawn = Some((choice, scale));
+        let tells_control = |run: &RunLog| run.origin.has_world();
+        if choice.quantity.needs_control_data() && !runs.iter().all(tells_control) {
+            self.figure = None;
+            self.trouble = Some(format!(
+                "Only poses are known of one of the runs: it has no {}.",
+                choice.quantity.label().to_lowercase()
+            ));
+            return;
+        }
+        self.trouble = None;
         self.figure = choice.vehicle.or(self.vehicles.first().map(|(id, _)| *id)).and_then(|id| {
             let [a, b] = [series(&runs[0], id, choice, scale)?, series(&runs[1], id, choice, scale)?];
             Some(compared([&a, &b]))

@@ -46,7 +46,12 @@ pub struct EditedCity {
     pub start: Arc<FrameSnapshot>,
     /// Starts that were moved, in words.
     warnings: Vec<String>,
+    /// Neither it nor an inflow has a vehicle: a run would be refused.
+    lacks_vehicles: bool,
 }
+
+/// What an edited scenario without vehicles lacks.
+const NO_VEHICLES: &str = "no vehicles: add one before it is run";
 
 /// Begins the description of a scenario that was saved as another one.
 const MADE_FROM: &str = "Made from ";
@@ -301,8 +306,10 @@ impl ScenarioEditor {
             self.check = None;
             self.problems = match outcome {
                 Ok(city) => {
+                    // It is shown, and a run of it would be refused.
+                    let is_empty = city.lacks_vehicles;
                     self.city = Some(city);
-                    Vec::new()
+                    if is_empty { vec![NO_VEHICLES.to_owned()] } else { Vec::new() }
                 }
                 Err(problems) => problems,
             };
@@ -402,7 +409,8 @@ fn check(name: &str, text: &str, library: &Library, overrides: Overrides) -> Out
         format!("{vehicle} starts {by_m:.1} m farther back than stated: {behind} is there")
     };
     let warnings = experiment.moved.iter().map(moved).collect();
-    Ok(EditedCity { info, start, warnings })
+    let lacks_vehicles = experiment.vehicles.is_empty() && experiment.inflows.is_empty();
+    Ok(EditedCity { info, start, warnings, lacks_vehicles })
 }
 
 /// Keeps the text of changes that were not saved; returns where.
@@ -474,6 +482,21 @@ mod tests {
         settle(&mut editor);
         assert_eq!(editor.view().problems, &[] as &[String]);
         assert_eq!(editor.city().unwrap().info.drivers[&obstacle], PARKED);
+    }
+
+    #[test]
+    fn a_scenario_without_vehicles_is_shown_and_cannot_be_run() {
+        let mut editor = editor("straight");
+        settle(&mut editor);
+        while let Some(id) = editor.view().vehicles.first().map(|vehicle| vehicle.id) {
+            editor.remove(id);
+        }
+        settle(&mut editor);
+        assert_eq!(editor.view().problems, [NO_VEHICLES]);
+        assert_eq!(there(&editor), []);
+        editor.undo();
+        settle(&mut editor);
+        assert_eq!(editor.view().problems, &[] as &[String]);
     }
 
     #[test]

@@ -53,6 +53,8 @@ struct WantedChart {
     states: (u64, usize),
     /// End of the run with lanes, where it is drawn from that.
     lanes_end_s: Option<f64>,
+    /// Where a span of the last seconds ends; the present by default.
+    until_s: Option<f64>,
 }
 
 impl LiveFigures {
@@ -102,7 +104,13 @@ impl LiveFigures {
     }
 
     /// Draws the chart anew where what it shows has changed.
-    pub(super) fn update(&mut self, charts: &ChartState, selected: Option<VehicleId>, history: &RunHistory) {
+    /// `until_s`: the time that is shown, where it is not the present; spans of the last seconds end there.
+    pub(super) fn update(
+        &mut self,
+        (charts, until_s): (&ChartState, Option<f64>),
+        selected: Option<VehicleId>,
+        history: &RunHistory,
+    ) {
         self.read_states(history);
         let vehicles = charts.shown(selected, self.builder.traces().map(|trace| trace.id));
         let states = (history.revision(), history.states().len());
@@ -117,6 +125,7 @@ impl LiveFigures {
             // What has come since the lanes were found does not change a figure of them.
             states: if charts.kind.needs_lanes() { (0, 0) } else { states },
             lanes_end_s,
+            until_s: until_s.filter(|_| charts.span != ChartSpan::Whole),
         };
         if self.wanted.as_ref() != Some(&wanted) {
             (self.figure, self.trouble) = match self.draw(&wanted, false) {
@@ -132,7 +141,8 @@ impl LiveFigures {
     fn choose_merge(&mut self, wanted: &WantedChart) {
         let run = self.run.as_ref().filter(|_| wanted.charts.kind.is_of_paths());
         (self.merges, self.merge, self.absent) = run.map_or_else(Default::default, |run| {
-            let figures = PathFigures { run, charts: &wanted.charts, selected: wanted.selected };
+            let WantedChart { charts, selected, until_s, .. } = wanted;
+            let figures = PathFigures { run, charts, selected: *selected, until_s: *until_s };
             let absent = self.figure.as_ref().and_then(|figure| figures.absent(figure));
             (merge_choices(run), figures.merge().map(|merge| merge.name), absent)
         });
@@ -194,33 +204,36 @@ impl LiveFigures {
     /// Why there is none.
     fn draw(&self, wanted: &WantedChart, with_table: bool) -> Result<Option<Figure>, String> {
         let WantedChart { charts, vehicles, .. } = wanted;
+        let until_s = wanted.until_s.unwrap_or(f64::INFINITY);
         if vehicles.is_empty() {
             return Err("No vehicle has been seen yet.".to_owned());
         }
         if !charts.kind.needs_lanes() {
             let traces: Vec<&Trace> = self.builder.traces().collect();
-            return Ok(self.series((charts, vehicles.as_slice()), &traces, &[], with_table));
+            return Ok(self.series((charts, vehicles.as_slice(), until_s), &traces, &[], with_table));
         }
         let Some(run) = &self.run else { return Ok(None) };
         if let ChartKind::Series(_) = charts.kind {
             let traces: Vec<&Trace> = run.vehicles.iter().collect();
-            return Ok(self.series((charts, vehicles.as_slice()), &traces, &run.vehicles, with_table));
+            let shown = (charts, vehicles.as_slice(), until_s);
+            return Ok(self.series(shown, &traces, &run.vehicles, with_table));
         }
         if charts.kind == ChartKind::Way {
-            return way(run, (charts, wanted.selected)).map(Some);
+            return way(run, wanted).map(Some);
         }
-        PathFigures { run, charts, selected: wanted.selected }.draw().map(Some)
+        let (selected, until_s) = (wanted.selected, wanted.until_s);
+        PathFigures { run, charts, selected, until_s }.draw().map(Some)
     }
 
     fn series(
         &self,
-        (charts, vehicles): (&ChartState, &[VehicleId]),
+        (charts, vehicles, until_s): (&ChartState, &[VehicleId], f64),
         traces: &[&Trace],
         all: &[Trace],
         with_table: bool,
     ) -> Option<Figure> {
         let ChartKind::Series(quantity) = charts.kind else { return None };
-        let end_s = self.end_s();
+        let end_s = self.end_s().min(until_s);
         let first = |trace: &&Trace| trace.samples.first().map_or(0.0, |sample| sample.time_s);
         let begin_s = traces.iter().map(first).fold(f64::INFINITY, f64::min).min(end_s);
         let shown = |id: &VehicleId| traces.iter().find(|trace| trace.id == *id).copied();
@@ -243,7 +256,8 @@ impl LiveFigures {
             Ok(None) => return self.refuse("it is being computed; try again in a moment"),
             Err(why) => return self.refuse(&why),
         };
-        let moment = name_of_moment(&self.experiment.name, self.end_s());
+        let until_s = self.wanted.as_ref().and_then(|wanted| wanted.until_s).unwrap_or(f64::INFINITY);
+        let moment = name_of_moment(&self.experiment.name, self.end_s().min(until_s));
         let name = unused(folder, &format!("{moment}-{}", figure.name));
         figure.name.clone_from(&name);
         let folder = folder.to_path_buf();
@@ -297,15 +311,16 @@ impl LiveFigures {
 ///
 /// # Errors
 /// Why there is none.
-fn way(run: &RunLog, (charts, selected): (&ChartState, Option<VehicleId>)) -> Result<Figure, String> {
+fn way(run: &RunLog, wanted: &WantedChart) -> Result<Figure, String> {
+    let WantedChart { charts, selected, until_s, .. } = wanted;
+    let end_s = until_s.unwrap_or(run.end_s).min(run.end_s);
     let first = run.vehicles.first().map(|trace| trace.id);
     let of = selected.or(charts.vehicles.first().copied()).or(first);
     let begins_s = run.vehicles.iter().filter_map(|trace| trace.samples.first()).map(|sample| sample.time_s);
-    let from_s = begins_s.fold(run.end_s, f64::min).max(run.end_s - charts.span.length_s());
+    let from_s = begins_s.fold(end_s, f64::min).max(end_s - charts.span.length_s());
     let is_whole = charts.span == ChartSpan::Whole;
-    let figure = of.and_then(|of| {
-        WayFigure { run, of, scale: charts.scale, span_s: (from_s, run.end_s), is_whole }.draw()
-    });
+    let figure = of
+        .and_then(|of| WayFigure { run, of, scale: charts.scale, span_s: (from_s, end_s), is_whole }.draw());
     figure.ok_or_else(|| "The selected vehicle was on no lane in that time.".to_owned())
 }
 
@@ -371,7 +386,7 @@ mod tests {
         fn chosen_of(&mut self, charts: &ChartState, selected: Option<VehicleId>) -> ChartView<'_> {
             let start = Instant::now();
             loop {
-                self.figures.update(charts, selected, &self.history);
+                self.figures.update((charts, None), selected, &self.history);
                 let view = self.figures.view();
                 if !view.is_busy && (view.figure.is_some() || view.trouble.is_some()) {
                     break;
@@ -522,6 +537,23 @@ mod tests {
         let said = watched.figures.try_saved().unwrap();
         assert_eq!(said, format!("The chart was not saved: {name} {why}"));
         assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);
+    }
+
+    #[test]
+    fn spans_of_the_last_seconds_end_at_the_time_that_is_shown() {
+        let mut watched = Watched::new();
+        watched.go_to(3000);
+        let charts = ChartState { span: ChartSpan::TenSeconds, ..ChartState::default() };
+        for (until_s, span_s) in [(None, (19.9, 29.9)), (Some(12.0), (2.0, 12.0))] {
+            watched.figures.update((&charts, until_s), None, &watched.history);
+            let span = watched.figures.view().figure.unwrap().panels[0].x;
+            // With a margin beside the lines.
+            assert!((span.0 - span_s.0).abs() < 0.3 && (span.1 - span_s.1).abs() < 0.3, "{span:?}");
+        }
+        let whole = ChartState::default();
+        watched.figures.update((&whole, Some(12.0)), None, &watched.history);
+        let span = watched.figures.view().figure.unwrap().panels[0].x;
+        assert!(span.1 > 29.8, "{span:?}");
     }
 
     #[test]

@@ -22,6 +22,8 @@ pub(super) struct PathFigures<'a> {
     pub run: &'a RunLog,
     pub charts: &'a ChartState,
     pub selected: Option<VehicleId>,
+    /// Where a span of the last seconds ends; the end of the run by default.
+    pub until_s: Option<f64>,
 }
 
 impl PathFigures<'_> {
@@ -58,11 +60,12 @@ impl PathFigures<'_> {
         }
         let span = self.charts.span;
         if span != ChartSpan::Whole && self.charts.kind != ChartKind::SpeedAlongPath {
-            let from_s = (self.run.end_s - span.length_s()).max(0.0);
+            let end_s = self.until_s.unwrap_or(f64::INFINITY).min(self.run.end_s);
+            let from_s = (end_s - span.length_s()).max(0.0);
             if !has_points_after(&figure, from_s) {
                 return Err("Nobody was on these paths in that time: show the whole run.".to_owned());
             }
-            figure.panels.iter_mut().for_each(|panel| panel.x = (from_s, self.run.end_s));
+            figure.panels.iter_mut().for_each(|panel| panel.x = (from_s, end_s));
         }
         if let Some(absent) = self.absent(&figure) {
             figure.note = format!("{absent} {}", figure.note);

@@ -115,7 +115,7 @@ impl RunFolder {
         let Some([date, clock]) = &self.began else { return String::new() };
         let [h, min, s] = [0, 2, 4].map(|from| clock[from..from + 2].parse().unwrap_or(0_u64));
         let minutes = (h * 3600 + min * 60 + s + later.as_secs()) / 60;
-        let time = format!("{:02}:{:02}", minutes / 60 % 24, minutes % 60);
+        let time = format!("{:02}:{:02} UTC", minutes / 60 % 24, minutes % 60);
         if age < Duration::from_hours(20) {
             return time;
         }
@@ -123,16 +123,16 @@ impl RunFolder {
     }
 }
 
-/// How long ago a run ended, in words: beside it is the time at which it began.
+/// How long ago the files of a run were complete, in words, which is when it was closed: beside it is the time at which it began.
 fn age(age: Duration) -> String {
     let minutes = age.as_secs() / 60;
     let (count, unit) = match minutes {
-        0 => return "ended just now".to_owned(),
+        0 => return "saved just now".to_owned(),
         1..60 => (minutes, "minute"),
         60..1440 => (minutes / 60, "hour"),
         _ => (minutes / 1440, "day"),
     };
-    format!("ended {count} {unit}{} ago", if count == 1 { "" } else { "s" })
+    format!("saved {count} {unit}{} ago", if count == 1 { "" } else { "s" })
 }
 
 #[cfg(test)]
@@ -158,14 +158,21 @@ mod tests {
         runs.sort_by(|a, b| a.name.cmp(&b.name));
         let told: Vec<_> = runs.iter().map(|run| (run.name.as_str(), run.has_summary)).collect();
         assert_eq!(told, [("merge, seed 7, testbed", true), ("own", true), ("roundabout, run 2", false)]);
-        assert_eq!(runs.iter().map(|run| run.began.as_str()).collect::<Vec<_>>(), ["13:15", "", "13:15"]);
+        assert_eq!(
+            runs.iter().map(|run| run.began.as_str()).collect::<Vec<_>>(),
+            ["13:15 UTC", "", "13:15 UTC"]
+        );
         let of = RunFolder::of(Path::new("grid-2x5-20261125-131520/run-1"));
         assert_eq!(
             (of.name(None).as_str(), of.began(Duration::from_hours(48), Duration::ZERO).as_str()),
-            ("grid-2x5", "2026-11-25 13:15")
+            ("grid-2x5", "2026-11-25 13:15 UTC")
         );
-        assert_eq!(of.began(Duration::ZERO, Duration::from_secs(401)), "13:22", "a later run of that window");
-        assert!(runs.iter().all(|run| run.age == "ended 2 hours ago"), "{runs:?}");
+        assert_eq!(
+            of.began(Duration::ZERO, Duration::from_secs(401)),
+            "13:22 UTC",
+            "a later run of that window"
+        );
+        assert!(runs.iter().all(|run| run.age == "saved 2 hours ago"), "{runs:?}");
     }
 
     #[test]
@@ -173,7 +180,7 @@ mod tests {
         let told = [5, 61, 3599, 90_000].map(|seconds| age(Duration::from_secs(seconds)));
         assert_eq!(
             told,
-            ["just now", "1 minute ago", "59 minutes ago", "1 day ago"].map(|ago| format!("ended {ago}"))
+            ["just now", "1 minute ago", "59 minutes ago", "1 day ago"].map(|ago| format!("saved {ago}"))
         );
     }
 }

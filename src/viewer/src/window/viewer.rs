@@ -349,7 +349,10 @@ impl ViewerState {
         }
         self.traffic.observe(&run_state.now, &self.history);
         if self.state.open.charts {
-            self.figures.update(&self.state.charts, self.state.selection.vehicle, &self.history);
+            let is_present = self.player().is_none() && !self.past.is_past();
+            let until_s = (!is_present).then_some(run_state.now.time_s);
+            let charts = (&self.state.charts, until_s);
+            self.figures.update(charts, self.state.selection.vehicle, &self.history);
         }
         if let Some(choice) = self.state.runs.comparison.shown_curves() {
             self.curves.update(choice, self.state.preferences.units.figure_scale());

@@ -452,3 +452,43 @@ fn the_list_of_events_stands_still_under_the_mouse() {
     harness.get_by_label("2.78");
     assert!(harness.query_by_label("1.75").is_none(), "the newest are in sight again");
 }
+
+#[test]
+fn events_are_filtered_by_names_and_numbers_of_vehicles() {
+    let mut harness = live();
+    harness.state_mut().state.open.events = true;
+    for (filter, count) in [
+        ("car3", "1 of 4"),
+        ("3 car3", "1 of 4"),
+        ("CAR", "4 of 4"),
+        ("3", "1 of 4"),
+        ("stop car2", "1 of 4"),
+        ("car9", "0 of 4"),
+    ] {
+        harness.state_mut().state.events.filter = filter.to_owned();
+        harness.run_steps(3);
+        assert!(has_text(&harness, count), "{filter}");
+    }
+}
+
+/// Of events at one time the one that was clicked is the current one, in the list and in the line below the city.
+#[test]
+fn of_events_at_one_time_the_current_one_is_that_which_was_chosen() {
+    let mut harness = live();
+    let spawn = |vehicle| mark(0.0, vehicle, Occurrence::Event(EventKind::Spawn));
+    harness.state_mut().events = (1..=6).map(spawn).collect();
+    harness.state_mut().state.open.events = true;
+    harness.run_steps(3);
+    let row = harness.get_all_by_label("3 car3").last().unwrap().rect().center();
+    harness.hover_at(row);
+    harness.run_steps(2);
+    harness.get_all_by_label("3 car3").last().unwrap().click();
+    harness.run_steps(3);
+    assert_eq!(cues(&mut harness), [PlaybackCommand::Show(0.0)]);
+    let head = Playhead { at_s: 0.0, before_s: 0.0, ..present(2.5) };
+    harness.state_mut().past = Some(PastView { head, is_shown: true });
+    harness.state_mut().change(|now| now.time_s = 0.0);
+    harness.run_steps(3);
+    assert_eq!(harness.state().state.selection.vehicle, Some(VehicleId(3)));
+    assert!(has_text(&harness, "0.00 s: 3 car3, spawn"));
+}

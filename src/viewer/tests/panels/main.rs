@@ -535,6 +535,8 @@ fn who_has_hit_something_is_told_to_drive_away_from_it() {
     desk.run_state.phase = RunPhase::Running;
     desk.state.driving = Some(ManualDrive::take_over(VehicleId(1), 1, 0.0));
     desk.change(|now| now.vehicles[0].status = Status::Collided);
+    let hit = Occurrence::Event(EventKind::Collision { with: VehicleId(2) });
+    desk.events = vec![TimelineMark { time_s: 0.0, vehicle: VehicleId(1), what: hit }];
     let mut harness = harness(desk);
     // In gear D.
     for (ahead_m, told) in [
@@ -550,6 +552,15 @@ fn who_has_hit_something_is_told_to_drive_away_from_it() {
         harness.run_steps(3);
         assert!(harness.query_by_label_contains(told).is_some(), "{ahead_m} m: {told}");
     }
+    // A wall may be anywhere, whoever is near.
+    let wall = Occurrence::Event(EventKind::CollisionStatic { with: "a house".to_owned() });
+    harness.state_mut().events = vec![TimelineMark { time_s: 0.0, vehicle: VehicleId(1), what: wall }];
+    harness.state_mut().change(|now| {
+        let own = &now.vehicles[0];
+        now.vehicles[1].position = own.position + (own.forward() * -5.0).extend(0.0);
+    });
+    harness.run_steps(3);
+    assert!(harness.query_by_label_contains("Collided: drive off").is_some());
 }
 
 #[test]

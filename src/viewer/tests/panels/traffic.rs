@@ -13,8 +13,13 @@ use std::sync::Arc;
 
 /// The roundabout after some seconds.
 fn roundabout(seconds: u32) -> Desk {
-    let (text, library) = Library::scenario("roundabout").unwrap();
-    let experiment = read_experiment("roundabout", &text, &library, Overrides::default()).unwrap();
+    after("roundabout", seconds)
+}
+
+/// A scenario after some seconds.
+fn after(scenario: &str, seconds: u32) -> Desk {
+    let (text, library) = Library::scenario(scenario).unwrap();
+    let experiment = read_experiment(scenario, &text, &library, Overrides::default()).unwrap();
     let experiment = Arc::new(experiment);
     let mut run = Run::new(Arc::clone(&experiment)).unwrap();
     let mut recorder = TrafficRecorder::new(&experiment);
@@ -27,6 +32,18 @@ fn roundabout(seconds: u32) -> Desk {
     (desk.traffic, desk.map) = (LiveTraffic::new(&experiment), Arc::clone(&experiment.city_map));
     desk.run_state.traffic = Some(Arc::new(recorder.traffic()));
     desk
+}
+
+/// What counts from the end of the warm-up on is unknown before it, not 0.
+#[test]
+fn during_the_warm_up_nothing_is_told_of_what_counts_after_it() {
+    let mut harness = harness(after("intersection", 20));
+    press(&mut harness, egui::Key::F4);
+    assert!(has_text(&harness, "Flow, delay, slow stops and queues count from 60 s on (warm-up)."));
+    assert!(harness.query_all_by_label("-").count() > 4);
+    let mut harness = super::desk::harness(roundabout(5));
+    press(&mut harness, egui::Key::F4);
+    assert!(!has_text(&harness, "(warm-up)"));
 }
 
 #[test]

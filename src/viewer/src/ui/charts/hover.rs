@@ -32,6 +32,10 @@ pub(super) fn values_at<'f>(legend: &'f [LegendEntry], panel: &Panel, x: f64) ->
     let reach = NEAR * (panel.x.1 - panel.x.0);
     let value_at = |points: &[(f64, f64)]| {
         let near = |(at, value): &&(f64, f64)| (at - x).abs() <= reach && value.is_finite();
+        let nearest = points.iter().min_by(|a, b| (a.0 - x).abs().total_cmp(&(b.0 - x).abs()))?;
+        if !nearest.1.is_finite() {
+            return None;
+        }
         let before = points.iter().filter(near).rfind(|(at, _)| *at <= x);
         let after = points.iter().filter(near).find(|(at, _)| *at >= x);
         match (before, after) {

@@ -5,31 +5,30 @@ use super::detour::Detour;
 use city3d_protocol::snapshot::VehicleId;
 use city3d_roadmap::CityMap;
 
-/// Names of vehicles with a detour, found anew when a route has changed: ways are searched for each of its lanes.
+/// Names of vehicles with a detour and what it is, found anew when a route has changed: ways are searched for each of its lanes.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct DetouringVehicles {
     /// The routes that they were found in.
-    of: Vec<(VehicleId, Vec<String>)>,
-    names: Vec<String>,
+    routes: Vec<(VehicleId, Vec<String>)>,
+    found: Vec<(String, Detour)>,
 }
 
 impl DetouringVehicles {
-    /// The names for the scenario as it is.
-    pub fn names(&mut self, map: &CityMap, edit: &EditView<'_>) -> &[String] {
-        let is_known = self.of.len() == edit.vehicles.len()
+    /// Each vehicle's first detour in the scenario as it is.
+    pub fn of(&mut self, map: &CityMap, edit: &EditView<'_>) -> &[(String, Detour)] {
+        let is_known = self.routes.len() == edit.vehicles.len()
             && self
-                .of
+                .routes
                 .iter()
                 .zip(edit.vehicles)
                 .all(|((id, route), now)| *id == now.id && *route == now.route);
         if !is_known {
-            self.of = edit.vehicles.iter().map(|vehicle| (vehicle.id, vehicle.route.clone())).collect();
-            let goes_round = |route: &[String]| {
-                route.windows(2).any(|pair| Detour::between(map, &pair[0], &pair[1]).is_some())
-            };
-            let round = edit.vehicles.iter().filter(|vehicle| goes_round(&vehicle.route));
-            self.names = round.map(|vehicle| vehicle.name.clone()).collect();
+            self.routes = edit.vehicles.iter().map(|vehicle| (vehicle.id, vehicle.route.clone())).collect();
+            let detour =
+                |route: &[String]| route.windows(2).find_map(|pair| Detour::between(map, &pair[0], &pair[1]));
+            let round = edit.vehicles.iter().filter_map(|of| Some((of.name.clone(), detour(&of.route)?)));
+            self.found = round.collect();
         }
-        &self.names
+        &self.found
     }
 }

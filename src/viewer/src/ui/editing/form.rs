@@ -251,13 +251,15 @@ fn route(
             }
             ui.add(egui::Label::new(lane).truncate()).on_hover_text(lane);
         });
-        if has_grown && k == last {
-            row.response.scroll_to_me(None);
-        }
+        let mut lowest = row.response;
         let before = k.checked_sub(1).map(|before| vehicle.route[before].as_str());
         if let Some(detour) = before.and_then(|before| Detour::between(shown.map, before, lane)) {
             let words = format!("\u{26a0} {}", detour.words(state.preferences.decimal));
-            ui.label(RichText::new(words).small().color(ui.visuals().warn_fg_color));
+            let text = RichText::new(&words).small().color(ui.visuals().warn_fg_color);
+            lowest = ui.add(egui::Label::new(text).wrap()).on_hover_text(words);
+        }
+        if has_grown && k == last {
+            lowest.scroll_to_me(None);
         }
     }
     let mut lanes = vehicle.route.clone();

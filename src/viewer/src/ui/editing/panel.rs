@@ -1,10 +1,11 @@
 //! The panel of the editor: the file, the tools, the selected vehicle, and what is wrong.
 
+use super::detour::Detour;
 use super::fields::long_text;
 use super::{EditAction, EditTool, EditView, choose, form, push};
 use crate::ui::commands::{Command, EDITING};
 use crate::ui::runs::FilePurpose;
-use crate::ui::{UiAction, UiState, ViewModel};
+use crate::ui::{DecimalSeparator, UiAction, UiState, ViewModel};
 use egui::{Button, RichText, ScrollArea, Ui};
 
 /// Height of the list of problems, whether there are any or not, so that no field moves when one comes, points. It scrolls.
@@ -18,7 +19,7 @@ pub fn show(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>, actions: &m
     ui.separator();
     tools(ui, state, edit, actions);
     ui.separator();
-    let detours = state.editing.detours.names(shown.map, edit).to_vec();
+    let detours = state.editing.detours.of(shown.map, edit).to_vec();
     let problems_height = PROBLEMS_HEIGHT.min(ui.available_height() / 3.0);
     let separator_height = 2.0 * ui.spacing().item_spacing.y + 6.0;
     let form_height = ui.available_height() - problems_height - separator_height;
@@ -37,7 +38,7 @@ pub fn show(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>, actions: &m
     });
     ui.separator();
     let list = ScrollArea::vertical().id_salt("problems").auto_shrink(false);
-    list.show(ui, |ui| problems(ui, edit, &detours));
+    list.show(ui, |ui| problems(ui, (edit, &detours), state.preferences.decimal));
 }
 
 /// What the card of the scenario says of it.
@@ -121,15 +122,18 @@ fn tools(ui: &mut Ui, state: &mut UiState, edit: &EditView<'_>, actions: &mut Ve
     ui.small("Drag a vehicle to move its start.");
 }
 
-fn problems(ui: &mut Ui, edit: &EditView<'_>, detours: &[String]) {
+fn problems(ui: &mut Ui, (edit, detours): (&EditView<'_>, &[(String, Detour)]), decimal: DecimalSeparator) {
     let count = edit.vehicles.len();
     let vehicles = if count == 1 { "1 vehicle" } else { &format!("{count} vehicles") };
     if edit.is_checking {
         ui.label(RichText::new(format!("Checking {vehicles} ...")).weak());
     } else if edit.problems.is_empty() && !detours.is_empty() {
-        let text = format!("\u{26a0} {vehicles}, can be run; a long way round: {}", detours.join(", "));
+        let names: Vec<&str> = detours.iter().map(|(name, _)| name.as_str()).collect();
+        let text = format!("\u{26a0} {vehicles}, can be run; a long way round: {}", names.join(", "));
         let text = RichText::new(text).color(ui.visuals().warn_fg_color);
-        let tip = "Select the vehicle: its route below tells which way is long";
+        let ways: Vec<String> =
+            detours.iter().map(|(name, detour)| format!("{name}: {}", detour.words(decimal))).collect();
+        let tip = ways.join("\n");
         ui.add(egui::Label::new(text).wrap()).on_hover_text(tip);
     } else if edit.problems.is_empty() && !edit.warnings.is_empty() {
         ui.colored_label(ui.visuals().warn_fg_color, format!("\u{26a0} {vehicles}, can be run"));
@@ -139,7 +143,7 @@ fn problems(ui: &mut Ui, edit: &EditView<'_>, detours: &[String]) {
     for warning in edit.warnings.iter().filter(|_| edit.problems.is_empty() && !edit.is_checking) {
         ui.colored_label(ui.visuals().warn_fg_color, format!("\u{26a0} {warning}"));
     }
-    if !edit.problems.is_empty() {
+    if edit.problems.iter().any(|problem| problem.contains(char::is_numeric)) {
         ui.label(
             "Lengths and speeds below are those of the file, in laboratory units; the fields are full-scale:",
         );

@@ -53,6 +53,8 @@ impl Default for Layout {
 
 /// Width of the column with the previews, points.
 const RIGHT: f32 = 284.0;
+/// A mouse that has not moved for so long uses nothing, seconds.
+const IN_USE_S: f32 = 2.0;
 /// Share of the view that is its middle.
 const MIDDLE: f32 = 0.4;
 /// Height of the bar with the titles, points.
@@ -170,19 +172,37 @@ impl Layout {
         FloatingPlaces { city, room, vehicle: Some(vehicle), kept }.free((None, size), &taken)
     }
 
+    /// Whether a window at a place is in the way: over a panel that floats over the city, or over one in which the mouse moves.
+    pub(super) fn is_in_the_way(&self, ui: &Ui, place: Rect) -> bool {
+        let floating = self.lifted.iter().filter_map(|panel| {
+            let id = window_of(*panel);
+            ui.ctx().memory(|memory| memory.area_rect(id))
+        });
+        let mouse = ui.input(|input| {
+            let moves = input.pointer.time_since_last_movement() < IN_USE_S;
+            input.pointer.hover_pos().filter(|_| moves)
+        });
+        let has_mouse = |rect: &Rect| mouse.is_some_and(|mouse| rect.contains(mouse));
+        let beside = panels::ALL.iter().map(|entry| entry.panel).filter(|panel| *panel != Panel::City);
+        let docked = beside.filter_map(|panel| self.docked(panel)).filter(has_mouse);
+        floating.chain(docked).any(|other| other.intersects(place))
+    }
+
+    /// Where a panel beside the city is; `None` for one that is closed, behind another one, or over the city.
+    fn docked(&self, panel: Panel) -> Option<Rect> {
+        let tile = self.tree.tiles.find_pane(&panel).filter(|tile| self.tree.is_visible(*tile))?;
+        self.tree.tiles.rect(tile).filter(|_| !self.is_floating(panel))
+    }
+
     /// What has to stay in sight: the rows of the table, below which it is empty, the previews, and whose camera the view is where
     /// it goes with a vehicle.
     fn kept(&self, shown: &ViewModel<'_>, is_followed: bool) -> Vec<Rect> {
-        let rect = |panel: Panel| {
-            let tile = self.tree.tiles.find_pane(&panel).filter(|tile| self.tree.is_visible(*tile))?;
-            self.tree.tiles.rect(tile).filter(|_| !self.is_floating(panel))
-        };
         let rows = super::vehicles::height_of(shown.run_state.now.vehicles.len());
-        let table = rect(Panel::Vehicles);
+        let table = self.docked(Panel::Vehicles);
         let table = table.map(|table| table.with_max_y(table.bottom().min(table.top() + rows)));
         let name = self.city().filter(|_| is_followed);
         let name = name.map(|city| Rect::from_min_size(city.min, super::city::NAME_OF_CAMERA));
-        table.into_iter().chain(rect(Panel::Cameras)).chain(name).collect()
+        table.into_iter().chain(self.docked(Panel::Cameras)).chain(name).collect()
     }
 
     fn city(&self) -> Option<Rect> {

@@ -173,7 +173,7 @@ pub fn has_many_routes(but: Option<VehicleId>, shown: &ViewModel<'_>) -> bool {
 
 /// The lanes of a vehicle's route, each once.
 fn lanes_of(shown: &ViewModel<'_>, id: VehicleId) -> BTreeSet<LaneId> {
-    shown.routes.get(&id).into_iter().flatten().copied().collect()
+    shown.route_of(id).iter().copied().collect()
 }
 
 fn route(overlay: &mut Overlay, shown: &ViewModel<'_>, id: VehicleId, (width, paint): (f32, OverlayPaint)) {

@@ -30,6 +30,8 @@ const FRUSTUM_M: f64 = 14.0;
 /// The way ahead that is shown: so much time at the present speed, and at least so far.
 const AHEAD_S: f64 = 6.0;
 const LEAST_AHEAD_M: f64 = 12.0;
+/// Faster backwards, it does not go that way.
+const BACKS_MPS: f64 = 0.1;
 /// Step of its points.
 const STEP_M: f64 = 1.5;
 /// Shorter headways are close.
@@ -120,7 +122,10 @@ fn driven(overlay: &mut Overlay, shown: &ViewModel<'_>, vehicle: &VehicleState, 
 
 /// The way ahead along the route, with a dot for each second at the present speed.
 fn planned(overlay: &mut Overlay, shown: &ViewModel<'_>, (vehicle, info): (&VehicleState, &VehicleInfo)) {
-    let route = shown.routes.get(&vehicle.id).map_or(&[][..], Vec::as_slice);
+    let route = shown.route_of(vehicle.id);
+    if vehicle.speed_mps < -BACKS_MPS {
+        return;
+    }
     let ahead_m = (vehicle.speed_mps * AHEAD_S).max(LEAST_AHEAD_M);
     let points = path_ahead(shown, (vehicle, info), route, ahead_m);
     let line: Vec<DVec3> = points.iter().map(|(_, point)| above(*point)).collect();
@@ -165,7 +170,7 @@ fn path_ahead(
 
 /// The gap of a vehicle to the one ahead, from bumper to bumper.
 pub fn bumper_gap(shown: &ViewModel<'_>, id: VehicleId) -> Option<(DVec2, LeaderAhead)> {
-    let route = shown.routes.get(&id).map_or(&[][..], Vec::as_slice);
+    let route = shown.route_of(id);
     let matching = (shown.map, shown.traffic.lanes());
     let place = TrafficPlace::of(matching, shown.interpolated, id, route)?;
     Some((place.front, place.leader?))

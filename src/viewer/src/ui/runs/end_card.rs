@@ -10,7 +10,8 @@ use city3d_protocol::snapshot::{Status, VehicleInfo, VehicleState};
 use city3d_session::{Order, RunPhase};
 use city3d_simulation::environment::EnvironmentProfile;
 use city3d_simulation::measures::TrafficMeasures;
-use egui::{Align2, Grid, RichText, TextEdit, Ui, Vec2};
+use egui::collapsing_header::CollapsingState;
+use egui::{Align2, Grid, Rect, RichText, TextEdit, Ui, Vec2};
 use std::path::Path;
 
 /// In place of measures that a run does not have.
@@ -91,6 +92,14 @@ pub(super) fn window(ui: &Ui, state: &mut UiState, shown: &ViewModel<'_>, action
         ui.ctx().memory(|memory| memory.area_rect(egui::Id::unique(WINDOW))).map(|rect| rect.size());
     let size = shown_size.filter(|_| frames > 1).map_or(SIZE, |size| size.max(SIZE));
     let place = (frames < PLACING_FRAMES).then(|| Layout::place_beside(ui, size, (&*state, shown)));
+    if let Some(place) = place.filter(|_| frames == 0) {
+        // Over what is in use it shows its title alone: a click was meant for something else.
+        let is_in_the_way = state.layout.is_in_the_way(ui, Rect::from_min_size(place, size));
+        let id = egui::Id::unique(WINDOW).with("collapsing");
+        let mut folding = CollapsingState::load_with_default_open(ui.ctx(), id, true);
+        folding.set_open(is_asked || !is_in_the_way);
+        folding.store(ui.ctx());
+    }
     let card = &mut state.runs.end_card;
     let units = state.preferences.units;
     let decimal = state.preferences.decimal;
@@ -176,6 +185,9 @@ fn measures(shown: &ViewModel<'_>) -> Option<RunMeasures> {
 /// How often vehicles stood, as the events count it.
 const STANDSTILLS: &str = "Standstills (< 0.1 m/s)";
 
+/// What happened in all control zones together.
+const IN_ZONES: &str = "In control zones";
+
 /// How long a vehicle stood at most.
 const LONGEST_STAND: &str = "Longest stand";
 
@@ -191,6 +203,7 @@ fn tip_of(name: &str) -> Option<&'static str> {
         LONGEST_STAND => Some(traffic::LONGEST_STAND),
         "Throughput" => Some(traffic::FLOW),
         "Mean delay" => Some(traffic::DELAY),
+        IN_ZONES => Some("Of complete passages, from the entry lines to behind the last conflicts"),
         _ => None,
     }
 }
@@ -249,11 +262,7 @@ fn results(
                 zones.iter().filter_map(|of| Some(of.mean_delay_s? * f64::from(of.count))).sum();
             let delay_s = (passages > 0).then(|| delay_s / f64::from(passages));
             let stops: u32 = zones.iter().map(|of| of.stops).sum();
-            row(
-                "In control zones",
-                format!("{stops} slow stops, mean delay {}", number(delay_s, 1, "s")),
-                false,
-            );
+            row(IN_ZONES, format!("{stops} slow stops, mean delay {}", number(delay_s, 1, "s")), false);
         }
     });
 }

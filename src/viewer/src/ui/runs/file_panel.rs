@@ -292,8 +292,11 @@ pub(super) fn show(ui: &Ui, panels: &mut RunPanels, lists: &StartLists, actions:
         Some(Chosen::Open(what)) => {
             match panel.purpose {
                 FilePurpose::Open => {
-                    let overrides = panels.start_page.fields.overrides().unwrap_or_default();
-                    let hours = panels.start_page.fields.hours;
+                    // The fields are on the start page alone.
+                    let fields =
+                        Some(&panels.start_page).filter(|page| page.is_open).map(|page| &page.fields);
+                    let overrides = fields.and_then(|fields| fields.overrides().ok()).unwrap_or_default();
+                    let hours = fields.and_then(|fields| fields.hours);
                     actions.push(UiAction::Open(OpenRequest { what, overrides, hours, starts: false }));
                 }
                 FilePurpose::Compare => actions.push(UiAction::CompareWith(what)),

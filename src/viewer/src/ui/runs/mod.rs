@@ -54,9 +54,9 @@ pub struct RunEntry {
     pub folder: PathBuf,
     /// Scenario and seed of the run, and its number where its window has made several.
     pub name: String,
-    /// When it began, such as "13:15"; on another day with the date. Empty if its folder does not tell.
+    /// When it began, such as "13:15 UTC"; on another day with the date. Empty if its folder does not tell.
     pub began: String,
-    /// When it ended, such as "ended 3 minutes ago".
+    /// When its files were complete, such as "saved 3 minutes ago".
     pub age: String,
     /// It has ended, and so has a summary.
     pub has_summary: bool,

@@ -15,9 +15,11 @@ use crate::ui::{CityKind, DecimalSeparator, LiveTraffic, ScenarioChoice, command
 use city3d_logbook::figures::some_names;
 use city3d_logbook::measures::RunMeasures;
 use city3d_logbook::record::LogOrigin;
+use city3d_protocol::snapshot::VehicleId;
 use city3d_session::playback::Player;
 use city3d_session::{Order, RunHistory, RunPhase, RunState, SessionHandle};
 use city3d_simulation::scenario::{Experiment, ScenarioRequest};
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::SystemTime;
@@ -215,6 +217,12 @@ impl ViewerState {
         let was_edited = self.editor.as_ref().filter(|_| self.edits).and_then(|editor| editor.file());
         let is_same = self.request.scenario == request.scenario
             || was_edited.is_some_and(|file| file == Path::new(&request.scenario));
+        let edited: BTreeMap<VehicleId, String> = match &self.editor {
+            Some(editor) if self.edits => {
+                editor.view().vehicles.iter().map(|vehicle| (vehicle.id, vehicle.name.clone())).collect()
+            }
+            _ => BTreeMap::new(),
+        };
         let kept = self.leave_editor();
         let old = std::mem::replace(&mut self.source, source);
         (self.request, self.refused, self.seated_in_run) = (request, 0, 0);
@@ -235,7 +243,7 @@ impl ViewerState {
             let name = |of: &Experiment, id| of.planned(id).map(|vehicle| vehicle.name.clone());
             let is_again = |id| {
                 let name_now = name(&self.experiment, id);
-                name_now.is_some() && name_now == name(&before, id)
+                name_now.is_some() && name_now == edited.get(&id).cloned().or_else(|| name(&before, id))
             };
             self.state.look_as(looked, &first.now, is_again);
         }
@@ -303,6 +311,7 @@ impl ViewerState {
         let present = self.lists.runs.iter_mut().find(|run| Some(&run.folder) == folder.as_ref());
         if let Some(run) = present.filter(|run| !run.has_summary) {
             let of = &self.experiment;
+            "goes on in this window".clone_into(&mut run.age);
             run.name = recorded_runs::named(&run.folder, (of.seed, of.environment_name()));
         }
     }

@@ -522,6 +522,24 @@ fn the_run_waits_while_its_scenario_is_edited() {
 }
 
 #[test]
+fn a_vehicle_that_was_added_stays_selected_when_it_is_run() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("mine.toml");
+    let mut viewer = viewer(request("straight", 3.0), LogLocation::Nowhere);
+    viewer.act(vec![UiAction::Edit(EditAction::Begin)], 0.0);
+    let add = EditAction::Add { lane: "north-avenue/east/2".to_owned(), at_m: 1.5 };
+    viewer.act([add, EditAction::SaveAs(file)].map(UiAction::Edit).into(), 0.0);
+    let added = viewer.state.selection.vehicle.unwrap();
+    assert!(viewer.experiment.planned(added).is_none(), "the run before does not have it");
+    let requests = viewer.act(vec![UiAction::Edit(EditAction::Run)], 0.0);
+    let [WindowRequest::Open(opening)] = &requests[..] else { panic!("{requests:?}") };
+    let OpenTarget::Scenario(request) = opening.target.clone() else { panic!("{opening:?}") };
+    let experiment = loading::read(&request).unwrap();
+    viewer.enter(request, experiment, 0.0).unwrap();
+    assert_eq!(viewer.state.selection.vehicle, Some(added));
+}
+
+#[test]
 fn changes_that_are_not_saved_are_asked_about_before_they_are_left() {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("mine.toml");
