@@ -30,7 +30,7 @@ struct View {
 
 // Pixel of the HDR target, and where reflections in screen space are on, what they may replace.
 struct HdrPixel {
-    // Radiance; alpha: share that ambient occlusion may take.
+    // Radiance; alpha: share that ambient occlusion may take; negative for what shines by itself.
     @location(0) radiance: vec4<f32>,
     // Radiance that the environment map reflects; alpha: reflectance. Nothing of surfaces that are not smooth.
     @location(1) mirror: vec4<f32>,

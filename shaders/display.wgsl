@@ -3,6 +3,8 @@
 @group(1) @binding(2) var occlusion_map: texture_2d<f32>;
 
 override ambient_occlusion: bool = true;
+// Whether the occlusion map has contact shadows.
+override contact_shadows: bool = false;
 // Whether smooth surfaces mirror the picture.
 override reflections: bool = false;
 
@@ -24,13 +26,13 @@ fn linear_from_srgb_exactly(c: vec3<f32>) -> vec3<f32> {
     return select(pow((c + 0.055) / 1.055, vec3<f32>(2.4)), c / 12.92, c < vec3<f32>(0.04045));
 }
 
-// Bilateral blur of the ambient visibility over 4 by 4 pixels, weighted by depth: depths of a plane are linear in
-// pixels.
-fn blurred_visibility(place: TilePixel) -> f32 {
-    var near: array<vec2<f32>, 16>;
+// Bilateral blur of the ambient visibility, and of the share of the sun, over 4 by 4 pixels, weighted by depth: depths of a
+// plane are linear in pixels.
+fn blurred_visibility(place: TilePixel) -> vec2<f32> {
+    var near: array<vec3<f32>, 16>;
     for (var k = 0; k < 16; k++) {
         let pixel = place.pixel + vec2<i32>((k & 3) - 1, (k >> 2u) - 1);
-        near[k] = textureLoad(occlusion_map, texel_of(place, pixel), 0).xy;
+        near[k] = textureLoad(occlusion_map, texel_of(place, pixel), 0).xyz;
     }
     // This pixel and its neighbours.
     let here = near[5];
@@ -41,12 +43,16 @@ fn blurred_visibility(place: TilePixel) -> f32 {
     let slope = vec2<f32>(select(right, left, abs(left) < abs(right)), select(down, up, abs(up) < abs(down)));
     let slack = here.y * view.extent.z + view.extent.w + 0.5 * (abs(slope.x) + abs(slope.y));
     var sum = vec2<f32>(0.0);
+    var sun = 0.0;
     for (var k = 0; k < 16; k++) {
         let expected = here.y + slope.x * f32((k & 3) - 1) + slope.y * f32((k >> 2u) - 1);
         let weight = max(1.0 - abs(near[k].y - expected) / max(slack, 1e-9), 0.0);
         sum += weight * vec2<f32>(near[k].x, 1.0);
+        if contact_shadows {
+            sun += weight * near[k].z;
+        }
     }
-    return sum.x / max(sum.y, 1e-4);
+    return vec2<f32>(sum.x, sun) / max(sum.y, 1e-4);
 }
 
 // Reflections around a pixel: a ray hits or misses, so that their outlines have steps.
@@ -72,8 +78,13 @@ fn dither(pixel: vec2<i32>) -> f32 {
 fn fragment_main(in: Tile) -> @location(0) vec4<f32> {
     let place = tile_pixel(in);
     var occlusion = 0.0;
+    var contact = 0.0;
     if ambient_occlusion {
-        occlusion = 1.0 - blurred_visibility(place);
+        let visible = blurred_visibility(place);
+        occlusion = 1.0 - visible.x;
+        if contact_shadows {
+            contact = 1.0 - visible.y;
+        }
     }
     // MSAA resolve after tone mapping: edges against bright surfaces stay smooth.
     let texel = place.origin + place.pixel;
@@ -90,7 +101,12 @@ fn fragment_main(in: Tile) -> @location(0) vec4<f32> {
             let part = clamp(mirror_at(texel, k).a / reflection.a, 0.0, 1.0);
             sample = vec4<f32>(max(sample.rgb + part * reflection.rgb, vec3<f32>(0.0)), sample.a);
         }
-        sum += aces_filmic(sample.rgb * (frame.sun.w * (1.0 - occlusion * sample.a)));
+        var dark = occlusion * sample.a;
+        if contact_shadows {
+            // What shines by itself has a negative share: nothing takes light from it.
+            dark = select(dark + contact * (1.0 - clamp(sample.a, 0.0, 1.0)), 0.0, sample.a < 0.0);
+        }
+        sum += aces_filmic(sample.rgb * (frame.sun.w * (1.0 - dark)));
     }
     let shown = srgb_from_linear_exactly(sum / f32(count)) + dither(place.pixel) / 255.0;
     if target_is_srgb {

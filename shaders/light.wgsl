@@ -188,7 +188,9 @@ fn shade(m: PbrMaterial, world: vec3<f32>, normal: vec3<f32>, to_eye: vec3<f32>)
     let mirror = image * reflectance;
     let fresnel = f0 + (f90 - f0) * pow5(1.0 - dot(to_eye, halfway));
     let glint = fresnel * (ggx_specular(n_h, n_l, n_v, m.roughness) * n_l * sun_seen);
-    direct += frame.sun.rgb * min(glint, vec3<f32>(12.0));
+    // Behind the clouds of rain the sun has no disc that wet ground or glass could mirror, and hardly one in fog.
+    let disc_seen = 1.0 - min(2.0 * frame.shadow_texel.z, 1.0);
+    direct += frame.sun.rgb * min(glint, vec3<f32>(12.0)) * disc_seen;
     if m.coated > 0.0 {
         // The base layer under the clear coat: a broad highlight in the colour of the paint.
         let flakes = ggx_specular(n_h, n_l, n_v, 0.45) * n_l * sun_seen;

@@ -16,16 +16,6 @@ const EDGE: f32 = 0.12;
 // Weaker reflections are not seen.
 const LEAST: f32 = 0.004;
 
-// Tangents of half the field of view.
-fn half_field() -> vec2<f32> {
-    return vec2<f32>(length(view.camera_from_clip[0].xyz), length(view.camera_from_clip[1].xyz));
-}
-
-// Pixel of a point before the camera.
-fn pixel_of(point: vec3<f32>) -> vec2<f32> {
-    return (point.xy / (point.z * half_field()) * 0.5 + 0.5) * view.extent.xy;
-}
-
 // A ray between two points on the picture: distances along it are in shares of its length there.
 struct Ray {
     pixels: array<vec2<f32>, 2>,

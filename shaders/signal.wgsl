@@ -67,7 +67,8 @@ fn fragment_main(in: Fragment) -> @location(0) vec4<f32> {
 
 @fragment
 fn reflecting_fragment(in: Fragment) -> HdrPixel {
-    return HdrPixel(vec4<f32>(radiance(in), 0.0), vec4<f32>(0.0));
+    // Nothing takes light from it.
+    return HdrPixel(vec4<f32>(radiance(in), -1.0), vec4<f32>(0.0));
 }
 
 // The target holds tone-mapped colours.

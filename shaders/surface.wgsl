@@ -6,6 +6,16 @@ fn position_of(pixel: vec2<i32>, depth: f32) -> vec4<f32> {
     return view.camera_from_clip * vec4<f32>(at.x * 2.0 - 1.0, 1.0 - at.y * 2.0, depth, 1.0);
 }
 
+// Tangents of half the field of view.
+fn half_field() -> vec2<f32> {
+    return vec2<f32>(length(view.camera_from_clip[0].xyz), length(view.camera_from_clip[1].xyz));
+}
+
+// Pixel of a point before the camera.
+fn pixel_of(point: vec3<f32>) -> vec2<f32> {
+    return (point.xy / (point.z * half_field()) * 0.5 + 0.5) * view.extent.xy;
+}
+
 struct SurfacePoint {
     depth: f32,
     position: vec3<f32>,

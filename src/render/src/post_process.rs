@@ -15,6 +15,7 @@ pub(super) struct PostProcess {
     occlusion: Option<OcclusionPass>,
     reflection: Option<ReflectionPass>,
     display: DisplayPass,
+    occlusion_format: wgpu::TextureFormat,
 }
 
 /// Bindings of the HDR target, the depth buffer and the occlusion texture of an atlas.
@@ -36,13 +37,13 @@ impl PostProcess {
         quality: Quality,
         frame: &wgpu::BindGroupLayout,
     ) -> Self {
-        let samples = quality.ssao_samples;
-        let occlusion = (samples > 0).then(|| OcclusionPass::new(device, attachments, samples, frame));
+        let occlusion =
+            (quality.ssao_samples > 0).then(|| OcclusionPass::new(device, attachments, quality, frame));
         let steps = quality.reflection_steps;
         let reflection = attachments.reflects.then(|| ReflectionPass::new(device, attachments, steps, frame));
-        let mut display = DisplayPass::new(device, attachments, occlusion.is_some());
+        let mut display = DisplayPass::new(device, attachments, quality);
         display.prepare_pipeline(device, frame, attachments.display_format);
-        Self { occlusion, reflection, display }
+        Self { occlusion, reflection, display, occlusion_format: occlusion::format(quality) }
     }
 
     /// Makes the pipeline for targets of a pixel format, if it is missing.
@@ -76,7 +77,7 @@ impl PostProcess {
             });
             texture.create_view(&wgpu::TextureViewDescriptor::default())
         };
-        let occlusion = target("occlusion", self.occlusion.is_some(), occlusion::FORMAT);
+        let occlusion = target("occlusion", self.occlusion.is_some(), self.occlusion_format);
         let reflection = target("reflections", self.reflection.is_some(), reflection::FORMAT);
         let reflected = [radiances, depths, mirrors];
         HdrTarget {

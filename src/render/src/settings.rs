@@ -23,6 +23,8 @@ pub struct Quality {
     pub ssao_samples: u32,
     /// Reflections in screen space (SSR): steps of a ray; 0 switches them off. They need light per pixel.
     pub reflection_steps: u32,
+    /// Contact shadows of the sun in screen space: steps of a ray; 0 switches them off. They need [`Self::ssao_samples`].
+    pub contact_steps: u32,
     /// Resolution of the shadow map: texels along an edge.
     pub shadow_texels: u32,
     /// Level of detail: largest screen-space error of a coarser mesh, pixels.
@@ -50,6 +52,7 @@ impl Quality {
         detail: false,
         ssao_samples: 6,
         reflection_steps: 0,
+        contact_steps: 0,
         shadow_texels: 2048,
         lod_error_px: 1.5,
         min_size_px: 1.0,
@@ -59,6 +62,7 @@ impl Quality {
         anisotropy: 16,
         ssao_samples: 20,
         reflection_steps: 64,
+        contact_steps: 16,
         shadow_texels: 8192,
         lod_error_px: 0.3,
         ..Self::HIGH
@@ -72,6 +76,7 @@ impl Quality {
         detail: true,
         ssao_samples: 10,
         reflection_steps: 0,
+        contact_steps: 0,
         shadow_texels: 4096,
         lod_error_px: 0.8,
         min_size_px: 1.0,
@@ -85,6 +90,7 @@ impl Quality {
         detail: false,
         ssao_samples: 0,
         reflection_steps: 0,
+        contact_steps: 0,
         shadow_texels: 2048,
         lod_error_px: 4.0,
         min_size_px: 2.0,

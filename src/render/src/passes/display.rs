@@ -3,6 +3,7 @@
 use super::common::FrameBindGroup;
 use super::tiles::{self, Tiles};
 use super::{Attachments, texture_entry};
+use crate::settings::Quality;
 use crate::shader::Shader;
 
 /// Pipelines of the display transform, one for each pixel format of targets.
@@ -10,15 +11,16 @@ use crate::shader::Shader;
 pub(crate) struct DisplayPass {
     attachments: Attachments,
     ambient_occlusion: bool,
+    contact_shadows: bool,
     reflections: bool,
     layout: wgpu::BindGroupLayout,
     pipelines: Vec<(wgpu::TextureFormat, wgpu::RenderPipeline)>,
 }
 
 impl DisplayPass {
-    /// Without `ambient_occlusion` the shader does not read the occlusion texture; without [`Attachments::reflects`] neither what
+    /// Without ambient occlusion the shader does not read the occlusion texture; without [`Attachments::reflects`] neither what
     /// smooth surfaces reflect nor the reflections.
-    pub(crate) fn new(device: &wgpu::Device, attachments: Attachments, ambient_occlusion: bool) -> Self {
+    pub(crate) fn new(device: &wgpu::Device, attachments: Attachments, quality: Quality) -> Self {
         let unfiltered = wgpu::TextureSampleType::Float { filterable: false };
         let texture = |binding| texture_entry(binding, unfiltered, wgpu::TextureViewDimension::D2);
         let layout = device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
@@ -31,7 +33,9 @@ impl DisplayPass {
             ],
         });
         let reflections = attachments.reflects;
-        Self { attachments, ambient_occlusion, reflections, layout, pipelines: Vec::new() }
+        let ambient_occlusion = quality.ssao_samples > 0;
+        let contact_shadows = ambient_occlusion && quality.contact_steps > 0;
+        Self { attachments, ambient_occlusion, contact_shadows, reflections, layout, pipelines: Vec::new() }
     }
 
     /// Makes the pipeline for targets of a pixel format, if it is missing.
@@ -44,6 +48,7 @@ impl DisplayPass {
         if self.pipeline(format).is_none() {
             let constants = [
                 ("ambient_occlusion", f64::from(u8::from(self.ambient_occlusion))),
+                ("contact_shadows", f64::from(u8::from(self.contact_shadows))),
                 ("reflections", f64::from(u8::from(self.reflections))),
                 ("target_is_srgb", f64::from(u8::from(format.is_srgb()))),
             ];

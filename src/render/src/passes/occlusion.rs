@@ -1,12 +1,15 @@
-//! Screen-space ambient occlusion (SSAO) from the depth buffer, after McGuire, Mara and Luebke 2012.
+//! Screen-space ambient occlusion (SSAO) from the depth buffer, after McGuire, Mara and Luebke 2012, and contact shadows.
 
 use super::common::FrameBindGroup;
 use super::tiles::{self, Tiles};
 use super::{Attachments, texture_entry};
+use crate::settings::Quality;
 use crate::shader::Shader;
 
-/// Ambient visibility of a pixel, and its depth for the bilateral blur.
-pub(crate) const FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rg32Float;
+/// Ambient visibility of a pixel, its depth for the bilateral blur, and with contact shadows the share of the sun.
+pub(crate) fn format(quality: Quality) -> wgpu::TextureFormat {
+    if quality.contact_steps > 0 { wgpu::TextureFormat::Rgba32Float } else { wgpu::TextureFormat::Rg32Float }
+}
 
 /// Pipeline of the SSAO pass.
 #[derive(Debug)]
@@ -16,11 +19,11 @@ pub(crate) struct OcclusionPass {
 }
 
 impl OcclusionPass {
-    /// With `samples` taps per pixel.
+    /// With the taps and steps of a quality.
     pub(crate) fn new(
         device: &wgpu::Device,
         attachments: Attachments,
-        samples: u32,
+        quality: Quality,
         frame: &wgpu::BindGroupLayout,
     ) -> Self {
         let depths = texture_entry(1, wgpu::TextureSampleType::Depth, wgpu::TextureViewDimension::D2);
@@ -28,9 +31,12 @@ impl OcclusionPass {
             label: Some("occlusion"),
             entries: &[attachments.with_sample_count(depths)],
         });
-        let constants = [("ssao_samples", f64::from(samples))];
+        let constants = [
+            ("ssao_samples", f64::from(quality.ssao_samples)),
+            ("contact_steps", f64::from(quality.contact_steps)),
+        ];
         let shader = Shader::Occlusion(attachments.sample_count());
-        let pipeline = tiles::pipeline(device, shader, [frame, &layout], &constants, FORMAT);
+        let pipeline = tiles::pipeline(device, shader, [frame, &layout], &constants, format(quality));
         Self { pipeline, layout }
     }
 

@@ -129,7 +129,7 @@ fn colour(direction: Vec3, light: &Light) -> [f32; 3] {
     let mut sky = mix(horizon, light.zenith_srgb, rise);
     let fade = ((up - 0.02) * 7.0).clamp(0.0, 1.0);
     let towards = direction.dot(light.to_sun);
-    let cover = if fade > 0.0 { cloud_cover(direction) } else { 0.0 };
+    let cover = if fade > 0.0 { light.clouds_seen * cloud_cover(direction) } else { 0.0 };
     if cover > 0.0 {
         let lit = 0.90 + 0.10 * octaves(cloud_plane(direction), [24, 24], 3, 207);
         sky = mix(sky, light.cloud_srgb.map(|c| c * lit), cover * fade * (0.78 - 0.2 * night));

@@ -114,6 +114,35 @@ fn a_plain_seen_at_a_slant_occludes_nothing_of_itself() {
 }
 
 #[test]
+fn a_thing_thinner_than_a_texel_of_the_shadow_map_has_a_shadow_where_it_touches_the_ground() {
+    let Some(context) = software() else { return };
+    let scene = card(150, Some(Vec3::new(0.1, 0.1, 0.2)));
+    let picture = |scene: &SceneDescription, view, contact_steps, daylight| {
+        let quality = Quality { contact_steps, shadow_texels: 1024, ..Quality::ULTRA };
+        take(&mut renderer(&context, scene, quality, daylight), &[view]).remove(0)
+    };
+    let near = looking(DVec3::new(1.0, 1.2, 1.2), DVec3::ZERO);
+    let darker = |daylight| {
+        let (without, with) = (picture(&scene, near, 0, daylight), picture(&scene, near, 16, daylight));
+        let pixels = (0..120).flat_map(|y| (0..160).map(move |x| (x, y)));
+        let change = |(x, y)| (x, y, i32::from(without.pixel(x, y)[1]) - i32::from(with.pixel(x, y)[1]));
+        pixels.map(change).filter(|(.., change)| change.abs() > 8).collect::<Vec<_>>()
+    };
+    let found = darker(Daylight::NOON);
+    let (foot, count) = (near.project(DVec3::ZERO).expect("in view"), found.len());
+    assert!((10..600).contains(&count), "{count}");
+    assert!(found.iter().all(|(.., change)| *change > 0), "it darkens alone: {found:?}");
+    let is_near = |(x, y): (u32, u32)| foot.distance(DVec2::new(x.into(), y.into())) < 45.0;
+    assert!(found.iter().all(|(x, y, _)| is_near((*x, *y))), "{foot:?}: {found:?}");
+    assert_eq!(darker(Daylight::NIGHT), [], "lamps have no shadows");
+    // A plain hides the sun from none of itself.
+    let (plain, slanting) = (card(150, None), looking(DVec3::new(0.0, 0.0, 1.4), DVec3::new(8.0, 1.0, 1.0)));
+    let [without, with] = [0, 16].map(|steps| picture(&plain, slanting, steps, Daylight::LOW_SUN));
+    let most = without.rgb.iter().zip(&with.rgb).map(|(a, b)| a.abs_diff(*b)).max();
+    assert!(most <= Some(1), "{most:?}");
+}
+
+#[test]
 fn dither_keeps_the_mean_between_two_levels() {
     let Some(context) = software() else { return };
     // Strips of greys a step apart.

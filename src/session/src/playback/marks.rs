@@ -354,6 +354,10 @@ mod tests {
         take(40.0, 3, EventKind::Finish);
         take(50.0, 5, EventKind::Stop);
         found.extend(marker.finish(60.0).into_iter().map(|mark| (mark.time_s, mark.vehicle.0)));
-        assert_eq!(found, [(32.0, 2), (32.0, 4), (32.0, 6), (32.0, 7)], "neither an occlusion nor who runs into a lab vehicle ends a stand");
+        assert_eq!(
+            found,
+            [(32.0, 2), (32.0, 4), (32.0, 6), (32.0, 7)],
+            "neither an occlusion nor who runs into a lab vehicle ends a stand"
+        );
     }
 }

@@ -79,7 +79,7 @@ impl Motion {
             (self.step, self.before_mps) = (None, None);
             return;
         }
-        self.time_stand(now.speed_mps.abs() / factor, dt_s);
+        self.time_stand(now.speed_mps.abs() / factor, dt_s, state.status == Status::Collided);
         let step = self.step.get_or_insert(SpeedStep { since_s: last.time_s, moved_m: 0.0 });
         step.moved_m += way_m;
         let lasted_s = time_s - step.since_s;
@@ -91,11 +91,12 @@ impl Motion {
         }
     }
 
-    fn time_stand(&mut self, speed_in_lab_mps: f64, dt_s: f64) {
+    /// Who has collided comes to stand in no traffic, whatever it is pushed or driven against.
+    fn time_stand(&mut self, speed_in_lab_mps: f64, dt_s: f64, has_collided: bool) {
         if self.stands {
             self.stands = speed_in_lab_mps < MOVES_MPS;
         } else if speed_in_lab_mps < STANDS_MPS {
-            (self.stands, self.stops) = (true, self.stops + 1);
+            (self.stands, self.stops) = (true, self.stops + u32::from(!has_collided));
         }
         if self.stands {
             self.stood_s += dt_s;

@@ -332,7 +332,10 @@ fn scenario(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>, actions: &m
     };
     // Which file is edited may have changed since its scenario was opened.
     let present = shown.edit.map_or(shown.scenario, |edit| edit.name);
+    // All of it at once, where the window is high enough.
+    let height = (ui.ctx().content_rect().height() - 120.0).max(120.0);
     let picker = ComboBox::from_id_salt("scenario").selected_text(short(present)).width(SCENARIO).truncate();
+    let picker = picker.height(height);
     let choices = |ui: &mut Ui| {
         for ScenarioChoice { name, description } in shown.scenarios {
             let mut chosen = ui.selectable_label(name == present, short(name));

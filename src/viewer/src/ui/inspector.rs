@@ -67,6 +67,7 @@ fn inspected(
     let widest = (ui.available_width() - NAMES).max(NAMES);
     Grid::new("inspector").max_col_width(widest).num_columns(2).spacing([10.0, 4.0]).striped(true).show(ui, |ui| {
         why(ui, shown, (vehicle, decision), &mut link);
+        hit(ui, shown, vehicle, &mut link);
         if let Some(plan) = plans::inspected(shown, vehicle.id, state.preferences.decimal) {
             let tip = "Its control zone, when its front bumper enters the first conflict there, and how many enter before it";
             row(ui, "Plan", &plan, tip);
@@ -153,6 +154,20 @@ fn row_with_vehicle(
         *link = Some(vehicle);
     }
     ui.end_row();
+}
+
+/// A collision that its status does not tell: a vehicle of the laboratory goes on, and one that was driven off drives again.
+fn hit(ui: &mut Ui, shown: &ViewModel<'_>, vehicle: &VehicleState, link: &mut Option<VehicleId>) {
+    if vehicle.status == Status::Collided || last_collision(shown, vehicle.id).is_none() {
+        return;
+    }
+    let is_physical = shown.run_state.now.info(vehicle.id).is_some_and(VehicleInfo::is_physical);
+    let tip = if is_physical { status::RAMMED_PHYSICAL } else { "Its last collision; it drives again" };
+    let (text, other) = collision_words(shown, vehicle.id);
+    match other {
+        Some(other) => row_with_vehicle(ui, ("Collision", &text, tip), other, link),
+        None => row(ui, "Collision", &text, tip),
+    }
 }
 
 fn why(

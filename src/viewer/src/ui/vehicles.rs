@@ -188,7 +188,7 @@ pub fn height_of(rows: usize) -> f32 {
 /// Room for the number of rows, points.
 const COUNT_WIDTH: f32 = 88.0;
 /// Column widths of usual texts, points.
-const WIDTHS: [f32; 7] = [40.0, 50.0, 54.0, 78.0, 47.0, 47.0, 50.0];
+const WIDTHS: [f32; 7] = [40.0, 54.0, 54.0, 76.0, 46.0, 46.0, 50.0];
 /// Weights by which columns share the remaining width.
 const SHARES: [f32; 7] = [0.0, 3.0, 2.0, 1.0, 1.0, 1.0, 1.0];
 
@@ -205,9 +205,9 @@ const USUAL: [usize; 6] = [0, 1, 3, 4, 5, 6];
 const SPACING: f32 = 5.0;
 
 /// Width of a panel in which the columns for number, status, position and speed find room, and where the window is not small
-/// the beginnings of names, points.
+/// names, points.
 pub fn least_width(ui: &Ui, window: f32) -> f32 {
-    if window < NAMES_FROM { width_of(ui, &KEPT) } else { width_of(ui, &USUAL) - (WIDTHS[NAME] - LEAST_NAME) }
+    if window < NAMES_FROM { width_of(ui, &KEPT) } else { width_of(ui, &USUAL) }
 }
 
 /// Usual width in a window of some width: names find room, and in a wide window the drivers too, points.

@@ -75,6 +75,7 @@ fn target(request: &OpenRequest) -> Result<OpenTarget, String> {
         EntryKind::Run if has_run(what) => Ok(OpenTarget::Log(log_in(what))),
         EntryKind::Log => Ok(OpenTarget::Log(what.clone())),
         EntryKind::Scenario | EntryKind::Map => Ok(scenario(name)),
+        EntryKind::Shipped => Ok(scenario(name)),
         _ if is_shipped => Ok(scenario(name)),
         EntryKind::Run | EntryKind::Folder => Err(format!("{name} is a folder without a run.mcap. {RIGHT}")),
         EntryKind::Other if is_log(what) => Ok(OpenTarget::Log(what.clone())),

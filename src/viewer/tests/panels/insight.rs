@@ -116,6 +116,22 @@ fn in_a_low_window_the_inspector_keeps_its_title_and_its_buttons_and_the_rest_sc
     assert!(harness.get_by_label("Why").rect().top() < why.top() - 20.0, "the rest has scrolled");
 }
 
+/// A vehicle of the laboratory goes on after a collision, which its status does not tell.
+#[test]
+fn a_collision_that_the_status_does_not_tell_is_told_beside_it() {
+    let (desk, first, second) = yielding();
+    let third = desk.run_state.now.vehicles.iter().map(|of| of.id).find(|id| ![first, second].contains(id));
+    for (id, is_hit) in [(first, true), (second, true), (third.unwrap(), false)] {
+        let (mut desk, ..) = yielding();
+        let kind = EventKind::Collision { with: first };
+        desk.events = vec![TimelineMark { time_s: 0.0, vehicle: second, what: Occurrence::Event(kind) }];
+        (desk.state.open.inspector, desk.state.selection.vehicle) = (true, Some(id));
+        let mut harness = harness(desk);
+        harness.run_steps(3);
+        assert_eq!(harness.query_by_label("Collision").is_some(), is_hit, "{id}");
+    }
+}
+
 #[test]
 fn a_car_that_a_person_has_driven_into_something_is_still_driven_by_them() {
     let (mut desk, vehicle, _) = yielding();

@@ -89,6 +89,25 @@ fn a_typed_name_is_completed_and_a_wrong_one_is_told() {
 }
 
 #[test]
+fn shipped_scenarios_are_opened_by_the_panel_of_files_too() {
+    let folder = files();
+    let mut harness = browsing(folder.path());
+    harness.event(egui::Event::Text("straig".to_owned()));
+    harness.run_steps(2);
+    harness.get_by_label("shipped scenario");
+    press(&mut harness, Key::Enter);
+    assert_eq!(harness.state().actions, [opened("straight")]);
+    let mut harness = browsing(folder.path());
+    click(&mut harness, "Shipped scenarios");
+    assert!(harness.query_by_label("town.dxf").is_none());
+    harness.get_by_label("roundabout");
+    // A comparison is with a run.
+    harness.state_mut().state.runs.browse(FilePurpose::Compare);
+    harness.run_steps(3);
+    assert!(harness.query_by_label("Shipped scenarios").is_none());
+}
+
+#[test]
 fn a_path_through_a_missing_folder_is_told_with_that_folder() {
     let folder = files();
     for (saves, name) in [(false, "abc"), (true, "abc.toml")] {

@@ -20,7 +20,9 @@ pub fn show(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>, actions: &m
     tools(ui, state, edit, actions);
     ui.separator();
     let detours = state.editing.detours.of(shown.map, edit).to_vec();
-    let problems_height = PROBLEMS_HEIGHT.min(ui.available_height() / 3.0);
+    // What keeps it from running is seen whole.
+    let needed = if edit.problems.is_empty() { PROBLEMS_HEIGHT } else { 2.2 * PROBLEMS_HEIGHT };
+    let problems_height = needed.min(ui.available_height() / 3.0);
     let separator_height = 2.0 * ui.spacing().item_spacing.y + 6.0;
     let form_height = ui.available_height() - problems_height - separator_height;
     let form = ScrollArea::vertical().id_salt("form").auto_shrink(false).max_height(form_height);
@@ -143,12 +145,12 @@ fn problems(ui: &mut Ui, (edit, detours): (&EditView<'_>, &[(String, Detour)]), 
     for warning in edit.warnings.iter().filter(|_| edit.problems.is_empty() && !edit.is_checking) {
         ui.colored_label(ui.visuals().warn_fg_color, format!("\u{26a0} {warning}"));
     }
-    if edit.problems.iter().any(|problem| problem.contains(char::is_numeric)) {
-        ui.label(
-            "Lengths and speeds below are those of the file, in laboratory units; the fields are full-scale:",
-        );
-    }
     for problem in edit.problems {
         ui.colored_label(ui.visuals().error_fg_color, format!("\u{26a0} {problem}"));
+    }
+    if edit.problems.iter().any(|problem| problem.contains(char::is_numeric)) {
+        ui.label(
+            "Its lengths and speeds are those of the file, in laboratory units; those of the fields are full-scale",
+        );
     }
 }

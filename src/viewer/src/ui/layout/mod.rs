@@ -172,7 +172,7 @@ impl Layout {
         FloatingPlaces { city, room, vehicle: Some(vehicle), kept }.free((None, size), &taken)
     }
 
-    /// Whether a window at a place is in the way: over a panel that floats over the city, or over one in which the mouse moves.
+    /// Whether a window at a place is in the way: over a panel in which the mouse moves.
     pub(super) fn is_in_the_way(&self, ui: &Ui, place: Rect) -> bool {
         let floating = self.lifted.iter().filter_map(|panel| {
             let id = window_of(*panel);
@@ -184,8 +184,8 @@ impl Layout {
         });
         let has_mouse = |rect: &Rect| mouse.is_some_and(|mouse| rect.contains(mouse));
         let beside = panels::ALL.iter().map(|entry| entry.panel).filter(|panel| *panel != Panel::City);
-        let docked = beside.filter_map(|panel| self.docked(panel)).filter(has_mouse);
-        floating.chain(docked).any(|other| other.intersects(place))
+        let docked = beside.filter_map(|panel| self.docked(panel));
+        floating.chain(docked).filter(has_mouse).any(|other| other.intersects(place))
     }
 
     /// Where a panel beside the city is; `None` for one that is closed, behind another one, or over the city.

@@ -93,7 +93,7 @@ pub(super) fn window(ui: &Ui, state: &mut UiState, shown: &ViewModel<'_>, action
     let size = shown_size.filter(|_| frames > 1).map_or(SIZE, |size| size.max(SIZE));
     let place = (frames < PLACING_FRAMES).then(|| Layout::place_beside(ui, size, (&*state, shown)));
     if let Some(place) = place.filter(|_| frames == 0) {
-        // Over what is in use it shows its title alone: a click was meant for something else.
+        // Over what the mouse is at work in it shows its title alone: a click was meant for something else.
         let is_in_the_way = state.layout.is_in_the_way(ui, Rect::from_min_size(place, size));
         let id = egui::Id::unique(WINDOW).with("collapsing");
         let mut folding = CollapsingState::load_with_default_open(ui.ctx(), id, true);

@@ -1,6 +1,6 @@
 //! The panel that opens files: a folder's list, a path with completion, and a filter by kind. Everything goes by keyboard.
 
-use super::folder::{EntryKind, FileFilter, Folder, FolderEntry, READABLE, has_run, kind_of};
+use super::folder::{EntryKind, FileFilter, Folder, FolderEntry, READABLE, has_run, kind_of, matching};
 use super::{OpenRequest, RunPanels, StartLists, UiAction};
 use crate::ui::EditAction;
 use egui::text::{CCursor, CCursorRange};
@@ -28,6 +28,10 @@ pub enum FilePurpose {
 pub struct FilePanel {
     purpose: FilePurpose,
     folder: Folder,
+    /// What is in the program, below what is in the folder; empty where nothing is opened from there.
+    shipped: Vec<FolderEntry>,
+    /// Nothing but that is listed.
+    only_shipped: bool,
     /// The path as it is typed: a folder, and the beginning of a name.
     typed: String,
     filter: FileFilter,
@@ -59,6 +63,8 @@ impl FilePanel {
         let mut panel = Self {
             purpose,
             folder: Folder::default(),
+            shipped: if purpose == FilePurpose::Open { Folder::shipped() } else { Vec::new() },
+            only_shipped: false,
             typed: String::new(),
             filter,
             marked: 0,
@@ -74,6 +80,7 @@ impl FilePanel {
 
     fn go_into(&mut self, folder: &Path) {
         let from = std::mem::replace(&mut self.folder, Folder::read(folder));
+        self.only_shipped = false;
         let path = self.folder.path.display().to_string();
         self.typed = if path.ends_with(MAIN_SEPARATOR) { path } else { format!("{path}{MAIN_SEPARATOR}") };
         self.trouble = self.folder.trouble.clone();
@@ -94,7 +101,11 @@ impl FilePanel {
     }
 
     fn listed(&self) -> Vec<&FolderEntry> {
-        self.folder.matching(self.filter, self.typed_name())
+        let typed = self.typed_name();
+        let mut listed =
+            if self.only_shipped { Vec::new() } else { self.folder.matching(self.filter, typed) };
+        listed.extend(matching(&self.shipped, self.filter, typed));
+        listed
     }
 
     /// Follows what is typed into another folder.
@@ -159,11 +170,11 @@ impl FilePanel {
         if !self.typed_name().is_empty() && typed.exists() {
             return self.chosen(&typed);
         }
-        if has_run(&typed) && self.listed().is_empty() {
+        if has_run(&typed) && self.listed().iter().all(|entry| entry.kind == EntryKind::Shipped) {
             return Some(Chosen::Open(typed));
         }
-        if let Some(entry) = self.listed().get(self.marked).map(|entry| entry.path.clone()) {
-            return self.chosen(&entry);
+        if let Some(entry) = self.listed().get(self.marked).map(|&entry| entry.clone()) {
+            return self.chosen_entry(&entry);
         }
         self.trouble = Some(match self.typed_name() {
             "" => format!("{} has nothing to open.", self.folder.path.display()),
@@ -211,13 +222,21 @@ impl FilePanel {
         Some(Chosen::Open(path))
     }
 
+    fn chosen_entry(&mut self, entry: &FolderEntry) -> Option<Chosen> {
+        match entry.kind {
+            // By its name, whatever files have the same.
+            EntryKind::Shipped => Some(Chosen::Open(entry.path.clone())),
+            _ => self.chosen(&entry.path),
+        }
+    }
+
     fn chosen(&mut self, path: &Path) -> Option<Chosen> {
         if self.saves() && kind_of(path) == EntryKind::Scenario {
             return self.chosen_to_save(path);
         }
         match kind_of(path) {
             EntryKind::Folder => Some(Chosen::GoInto(path.to_path_buf())),
-            EntryKind::Run | EntryKind::Scenario | EntryKind::Map | EntryKind::Log => {
+            EntryKind::Run | EntryKind::Scenario | EntryKind::Map | EntryKind::Log | EntryKind::Shipped => {
                 Some(Chosen::Open(path.to_path_buf()))
             }
             EntryKind::Other => {
@@ -399,13 +418,18 @@ fn places(ui: &mut Ui, panel: &mut FilePanel, lists: &StartLists) {
                 panel.go_into(&folder);
             }
         }
+        let tip = "The scenarios that come with the program, also listed below those of a folder";
+        if !panel.shipped.is_empty() && ui.button("Shipped scenarios").on_hover_text(tip).clicked() {
+            let folder = panel.folder.path.clone();
+            panel.go_into(&folder);
+            panel.only_shipped = true;
+        }
     });
 }
 
 /// Shows the entries; returns what a click on one chooses. A click marks a file, a second one opens it.
 fn list(ui: &mut Ui, panel: &mut FilePanel) -> Option<Chosen> {
-    let listed: Vec<(String, PathBuf, EntryKind)> =
-        panel.listed().iter().map(|entry| (entry.name.clone(), entry.path.clone(), entry.kind)).collect();
+    let listed: Vec<FolderEntry> = panel.listed().into_iter().cloned().collect();
     if listed.is_empty() && panel.trouble.is_none() {
         let text = match panel.saves() {
             true => "No scenario (.toml) here begins with this name.".to_owned(),
@@ -414,7 +438,8 @@ fn list(ui: &mut Ui, panel: &mut FilePanel) -> Option<Chosen> {
         ui.label(RichText::new(text).weak());
     }
     let mut clicked = None;
-    for (index, (name, path, kind)) in listed.iter().enumerate() {
+    for (index, entry) in listed.iter().enumerate() {
+        let FolderEntry { name, kind, .. } = entry;
         let is_marked = index == panel.marked;
         let row = ui.horizontal(|ui| {
             let row = ui.selectable_label(is_marked, name);
@@ -428,9 +453,9 @@ fn list(ui: &mut Ui, panel: &mut FilePanel) -> Option<Chosen> {
         if row.clicked() {
             let opens = *kind == EntryKind::Folder || (is_marked && panel.is_clicked);
             (panel.marked, panel.is_clicked) = (index, true);
-            clicked = opens.then(|| path.clone());
+            clicked = opens.then_some(entry);
         }
     }
     panel.scrolls_to_marked = false;
-    clicked.and_then(|path| panel.chosen(&path))
+    clicked.and_then(|entry| panel.chosen_entry(entry))
 }

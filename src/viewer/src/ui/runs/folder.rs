@@ -1,5 +1,6 @@
 //! A folder as the file panel lists it.
 
+use city3d_simulation::scenario::shipped_scenarios;
 use std::path::{Path, PathBuf};
 
 /// Entries that are listed at most: more cannot be looked through.
@@ -20,6 +21,8 @@ pub enum EntryKind {
     Map,
     /// A log (.mcap).
     Log,
+    /// A scenario that is in the program.
+    Shipped,
     /// Anything else; it is not listed.
     Other,
 }
@@ -33,6 +36,7 @@ impl EntryKind {
             Self::Scenario => "scenario",
             Self::Map => "map",
             Self::Log => "log",
+            Self::Shipped => "shipped scenario",
             Self::Other => "",
         }
     }
@@ -71,7 +75,7 @@ impl FileFilter {
         match kind {
             EntryKind::Folder => true,
             EntryKind::Other => false,
-            EntryKind::Scenario => matches!(self, Self::All | Self::Scenarios),
+            EntryKind::Scenario | EntryKind::Shipped => matches!(self, Self::All | Self::Scenarios),
             EntryKind::Map => matches!(self, Self::All | Self::Maps),
             EntryKind::Run | EntryKind::Log => matches!(self, Self::All | Self::Logs),
         }
@@ -118,6 +122,16 @@ pub(super) struct Folder {
 }
 
 impl Folder {
+    /// The scenarios that are in the program, in no folder of the disk.
+    pub fn shipped() -> Vec<FolderEntry> {
+        let entry = |name: &'static str| FolderEntry {
+            name: name.to_owned(),
+            path: PathBuf::from(name),
+            kind: EntryKind::Shipped,
+        };
+        shipped_scenarios().map(|name| entry(name)).collect()
+    }
+
     pub fn read(path: &Path) -> Self {
         let path = std::path::absolute(path).unwrap_or_else(|_| path.to_path_buf());
         let read = match std::fs::read_dir(&path) {
@@ -140,13 +154,22 @@ impl Folder {
 
     /// The entries that a filter shows and whose names begin like what was typed; hidden ones only if a dot was typed.
     pub fn matching(&self, filter: FileFilter, typed: &str) -> Vec<&FolderEntry> {
-        let typed = typed.to_lowercase();
-        let is_shown = |entry: &&FolderEntry| {
-            let is_hidden = entry.name.starts_with('.') && !typed.starts_with('.');
-            filter.shows(entry.kind) && !is_hidden && entry.name.to_lowercase().starts_with(&typed)
-        };
-        self.entries.iter().filter(is_shown).collect()
+        matching(&self.entries, filter, typed)
     }
+}
+
+/// The same of any entries.
+pub(super) fn matching<'a>(
+    entries: &'a [FolderEntry],
+    filter: FileFilter,
+    typed: &str,
+) -> Vec<&'a FolderEntry> {
+    let typed = typed.to_lowercase();
+    let is_shown = |entry: &&FolderEntry| {
+        let is_hidden = entry.name.starts_with('.') && !typed.starts_with('.');
+        filter.shows(entry.kind) && !is_hidden && entry.name.to_lowercase().starts_with(&typed)
+    };
+    entries.iter().filter(is_shown).collect()
 }
 
 #[cfg(test)]

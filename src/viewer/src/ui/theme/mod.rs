@@ -38,6 +38,8 @@ pub(super) fn apply(context: &Context, preferences: Preferences) {
         style.text_styles.insert(TextStyle::Small, FontId::proportional(SMALL));
         // A bar over the last digit of a column hides it.
         style.spacing.scroll.floating_allocated_width = SCROLL_BAR;
+        // Without it nothing says that a list goes on.
+        style.spacing.scroll.dormant_handle_opacity = 0.5;
         // A faded entry at the edge of a list looks as if it could not be chosen.
         style.spacing.scroll.fade.strength = 0.0;
     });
