@@ -38,7 +38,11 @@ pub(super) fn light_in(weather: Weather, clear: Light) -> Light {
     match weather {
         Weather::Clear => clear,
         Weather::Rain => overcast(clear, RAIN_COVER, 1.0),
-        Weather::Fog => Light { clouds_seen: 0.0, ..overcast(clear, FOG_COVER, 0.94) },
+        Weather::Fog => {
+            let light = overcast(clear, FOG_COVER, 0.94);
+            // Neither clouds nor hills are seen.
+            Light { clouds_seen: 0.0, hills_srgb: light.haze_srgb, ..light }
+        }
     }
 }
 
