@@ -69,9 +69,64 @@ fn smoothed_reflection(place: TilePixel) -> vec4<f32> {
     return vec4<f32>(sum.rgb / max(sum.a, 1.0), here.a);
 }
 
+// Layers of falling drops, near ones first: columns of them per height of the picture, and heights that they fall a second.
+const RAIN_LAYERS: array<vec2<f32>, 3> =
+    array<vec2<f32>, 3>(vec2<f32>(26.0, 2.6), vec2<f32>(52.0, 1.7), vec2<f32>(96.0, 1.1));
+// What a drop adds, of the light of the horizon.
+const RAIN_LIGHT: f32 = 0.28;
+// How far drops are blown aside as they fall.
+const RAIN_SLANT: f32 = 0.06;
+
+// A number from 0 to 1 for a cell of a layer.
+fn rain_hash(cell: vec2<f32>, layer: f32) -> f32 {
+    // Of whole numbers, so that every adapter has the same drops.
+    let at = vec2<u32>(vec2<i32>(cell));
+    var n = (at.x * 1597334677u) ^ (at.y * 3812015801u) ^ (u32(layer) * 2798796415u);
+    n = (n ^ (n >> 15u)) * 2246822519u;
+    n = (n ^ (n >> 13u)) * 3266489917u;
+    return f32((n ^ (n >> 16u)) & 0xffffffu) / 16777215.0;
+}
+
+// Streaks of rain across a pixel at the simulated time, 0 to 1: each column has drops at times of its own.
+fn rain_streaks(pixel: vec2<i32>) -> f32 {
+    let at = (vec2<f32>(pixel) + 0.5) / view.extent.y;
+    // A line is at least a pixel wide, and fainter where it would be thinner.
+    let pixel_size = 1.0 / view.extent.y;
+    var streaks = 0.0;
+    for (var k = 0; k < 3; k++) {
+        let layer = f32(k);
+        let columns = RAIN_LAYERS[k].x;
+        let across = (at.x + RAIN_SLANT * at.y) * columns;
+        let column = floor(across);
+        let shift = rain_hash(vec2<f32>(column, 3.0), layer);
+        let down = at.y * (1.3 + 0.9 * layer) - frame.to_sun.w * RAIN_LAYERS[k].y * (0.85 + 0.3 * shift) + 9.0 * shift;
+        let cell = vec2<f32>(column, floor(down));
+        let place = 0.15 + 0.7 * rain_hash(cell, layer + 3.0);
+        let length = 0.16 + 0.22 * rain_hash(cell, layer + 6.0);
+        let part = fract(down) / length;
+        let width = max(0.0011 - 0.0003 * layer, pixel_size);
+        let off = abs(fract(across) - place) / columns;
+        let line = clamp(1.0 - off / width, 0.0, 1.0) * min((0.0011 - 0.0003 * layer) / pixel_size, 1.0);
+        let is_there = step(rain_hash(cell, layer + 9.0), 0.5);
+        streaks += is_there * line * smoothstep(0.0, 0.5, part) * (1.0 - smoothstep(0.8, 1.0, part));
+    }
+    return min(streaks, 1.0);
+}
+
 // Dither by interleaved gradient noise (Jimenez 2014), from -0.5 to 0.5.
 fn dither(pixel: vec2<i32>) -> f32 {
     return fract(52.9829189 * fract(dot(vec2<f32>(pixel), vec2<f32>(0.06711056, 0.00583715)))) - 0.5;
+}
+
+// Whether a pixel shows what is under the same roof as the camera: the dashboard.
+fn is_inside(place: TilePixel) -> bool {
+    const INSIDE_M: f32 = 1.1;
+    if !ambient_occlusion {
+        return false;
+    }
+    let depth = textureLoad(occlusion_map, texel_of(place, place.pixel), 0).y;
+    let point = view.camera_from_clip * vec4<f32>(0.0, 0.0, depth, 1.0);
+    return depth > 0.0 && point.z < INSIDE_M * point.w;
 }
 
 @fragment
@@ -92,6 +147,11 @@ fn fragment_main(in: Tile) -> @location(0) vec4<f32> {
     if reflections {
         reflection = smoothed_reflection(place);
     }
+    // In rain, which makes the ground wet through, drops scatter the light of the sky.
+    var drops = vec3<f32>(0.0);
+    if frame.shadow_texel.z > 0.9 && !is_inside(place) {
+        drops = (RAIN_LIGHT * rain_streaks(place.pixel) * frame.sun.w) * (frame.haze.rgb + vec3<f32>(0.05));
+    }
     let count = sample_count();
     var sum = vec3<f32>(0.0);
     for (var k = 0u; k < count; k++) {
@@ -106,7 +166,7 @@ fn fragment_main(in: Tile) -> @location(0) vec4<f32> {
             // What shines by itself has a negative share: nothing takes light from it.
             dark = select(dark + contact * (1.0 - clamp(sample.a, 0.0, 1.0)), 0.0, sample.a < 0.0);
         }
-        sum += aces_filmic(sample.rgb * (frame.sun.w * (1.0 - dark)));
+        sum += aces_filmic(sample.rgb * (frame.sun.w * (1.0 - dark)) + drops);
     }
     let shown = srgb_from_linear_exactly(sum / f32(count)) + dither(place.pixel) / 255.0;
     if target_is_srgb {

@@ -72,6 +72,26 @@ fn rain_darkens_the_road_and_fog_hides_what_is_far() {
     }
 }
 
+/// Drops fall: two instants differ in rain alone, by less than what is in the picture, and an instant is the same twice.
+#[test]
+fn rain_is_seen_to_fall() {
+    let Some(context) = software() else { return };
+    let at = |time_s: f64, weather| {
+        let settings = Settings { quality: PRESETS[0], weather, ..Settings::default() };
+        let mut renderer = Renderer::new(&context, &road(), settings).expect("a renderer");
+        let snapshot = FrameSnapshot { time_s, ..FrameSnapshot::default() };
+        renderer.render(&snapshot, &[ahead()]).expect("a picture").remove(0)
+    };
+    let changed = |weather| {
+        let (a, b) = (at(1.0, weather), at(1.1, weather));
+        a.rgb.iter().zip(&b.rgb).filter(|(a, b)| a.abs_diff(**b) > 4).count() as f64 / a.rgb.len() as f64
+    };
+    assert_eq!(at(1.0, Weather::Rain), at(1.0, Weather::Rain));
+    let [clear, rain, fog] = Weather::ALL.map(changed);
+    assert_eq!((clear, fog), (0.0, 0.0));
+    assert!((0.01..0.3).contains(&rain), "{rain}");
+}
+
 #[test]
 fn a_wet_road_mirrors_a_lamp_at_night_where_the_law_of_reflection_has_it() {
     let Some(context) = software() else { return };
