@@ -66,6 +66,22 @@ const fn cloth(colour: [u8; 3]) -> Finish {
     Finish::new(Surface::Plain, colour, Class::Person)
 }
 
+/// A figure whose trunk has so many sides has a face.
+const FACE_SIDES: u32 = 7;
+/// Colours of coats: figures of one pose differ by them.
+const COATS: [[u8; 3]; 10] = [
+    [62, 84, 120],
+    [168, 62, 54],
+    [196, 184, 156],
+    [52, 96, 78],
+    [206, 170, 72],
+    [88, 90, 96],
+    [214, 214, 210],
+    [120, 78, 112],
+    [58, 60, 70],
+    [150, 104, 74],
+];
+
 /// A figure of 1.75 m that looks along x, its feet at the origin, or its seat if it sits; `sides` are those of its
 /// trunk.
 fn figure(mesh: &mut Mesh, pose: Pose, outfit: &Outfit, sides: u32) {
@@ -98,10 +114,13 @@ fn figure(mesh: &mut Mesh, pose: Pose, outfit: &Outfit, sides: u32) {
             Pose::Sit => 0.26,
             Pose::Straddle => 0.34,
         };
-        let shoulder = at(0.0, 0.20 * side, hip + 0.55);
+        let shoulder = at(0.0, 0.185 * side, hip + 0.525);
         let elbow = at(0.4 * swing - 0.02, 0.27 * side, hip + 0.27);
         let hand = at(swing + 0.06, 0.24 * side, hip + if swing > 0.2 { 0.10 } else { 0.03 });
-        limb(mesh, &[(shoulder, 0.068), (elbow, 0.052), (hand, 0.042)], 3, coat.shaded(0.92));
+        // From within the trunk, so that no light is seen between.
+        let inside = at(0.0, 0.07 * side, hip + 0.56);
+        let arm = [(inside, 0.062), (shoulder, 0.07), (elbow, 0.052), (hand, 0.042)];
+        limb(mesh, &arm, few.min(4), coat.shaded(0.92));
         limb(mesh, &[(hand, 0.042), (hand + at(0.02, 0.0, -0.09), 0.012)], 3, skin);
     }
     let lean = match pose {
@@ -120,7 +139,8 @@ fn figure(mesh: &mut Mesh, pose: Pose, outfit: &Outfit, sides: u32) {
     let neck = hip + 0.60;
     let head = [
         (at(lean, 0.0, neck), 0.05),
-        (at(lean + 0.02, 0.0, neck + 0.08), 0.075),
+        (at(lean + 0.01, 0.0, neck + 0.055), 0.048),
+        (at(lean + 0.02, 0.0, neck + 0.10), 0.078),
         (at(lean + 0.02, 0.0, neck + 0.18), 0.095),
         (at(lean, 0.0, neck + 0.26), 0.06),
     ];
@@ -132,6 +152,38 @@ fn figure(mesh: &mut Mesh, pose: Pose, outfit: &Outfit, sides: u32) {
         (at(lean, 0.0, neck + 0.29), 0.0),
     ];
     limb(mesh, &crown, sides, hair);
+    if sides >= FACE_SIDES {
+        face(mesh, at(lean + 0.02, 0.0, neck + 0.15), (skin, hair));
+    }
+}
+
+/// Eyes, nose and mouth on the front of a head of some 9 cm around a point.
+fn face(mesh: &mut Mesh, middle: Vec3, (skin, hair): (Finish, Finish)) {
+    let at = |x: f32, y: f32, z: f32| middle + Vec3::new(x, y, z);
+    let dark = cloth([38, 30, 28]);
+    for side in [1.0, -1.0] {
+        let y = 0.033 * side;
+        let eye = [(at(0.070, y, 0.020), 0.011), (at(0.089, y, 0.020), 0.010), (at(0.091, y, 0.020), 0.0)];
+        limb(mesh, &eye, 5, dark);
+        let brow = [(at(0.075, 0.016 * side, 0.045), 0.008), (at(0.066, 0.052 * side, 0.043), 0.005)];
+        limb(mesh, &brow, 3, hair);
+    }
+    limb(
+        mesh,
+        &[(at(0.070, 0.0, 0.025), 0.010), (at(0.102, 0.0, -0.008), 0.014), (at(0.078, 0.0, -0.016), 0.0)],
+        3,
+        skin.shaded(0.94),
+    );
+    limb(
+        mesh,
+        &[
+            (at(0.074, 0.024, -0.040), 0.004),
+            (at(0.086, 0.0, -0.041), 0.007),
+            (at(0.074, -0.024, -0.040), 0.004),
+        ],
+        3,
+        skin.shaded(0.62),
+    );
 }
 
 /// A figure far away: legs, trunk and head.
@@ -173,13 +225,30 @@ pub(super) fn people(
     let figures: Vec<SceneObject> = FIGURES.iter().map(object).collect();
     let bicycle = bicycles::bicycle();
     let mut people = Vec::new();
+    // Two of one look are not next to one another.
+    let mut last = [usize::MAX; 2];
     let mut add = |seed: u32, is_wanted: &dyn Fn(Pose) -> bool, at: Vec3, yaw_rad: f32| {
         let fit: Vec<usize> = (0..FIGURES.len()).filter(|&k| is_wanted(FIGURES[k].0)).collect();
-        let chosen = fit[(hash_to_unit(seed, 1) * fit.len() as f32) as usize % fit.len()];
+        let pick = |salt: u32, of: usize| (hash_to_unit(seed, salt) * of as f32) as usize % of;
+        let (mut figure, mut coat) = (pick(1, fit.len()), pick(8, COATS.len()));
+        if fit[figure] == last[0] {
+            figure = (figure + 1) % fit.len();
+        }
+        if coat == last[1] {
+            coat = (coat + 1) % COATS.len();
+        }
+        let chosen = fit[figure];
+        last = [chosen, coat];
+        let (worn, coat) = (cloth(FIGURES[chosen].1.coat), cloth(COATS[coat]));
+        let dressed = |finish: Finish| match finish {
+            of if of == worn => coat,
+            of if of == worn.shaded(0.92) => coat.shaded(0.92),
+            other => other,
+        };
         let scale = 0.93 + 0.12 * hash_to_unit(seed, 2);
         let (size, turn) = (Vec3::splat(scale), Quat::from_rotation_z(yaw_rad));
         let here = Affine3A::from_scale_rotation_translation(size, turn, at);
-        let mut person = figures[chosen].placed(here, |finish| finish);
+        let mut person = figures[chosen].placed(here, dressed);
         person.levels.push(LodMesh { mesh: Mesh::default(), error_m: UNDRAWN_M });
         people.push(person);
         if FIGURES[chosen].0 == Pose::Straddle {

@@ -15,7 +15,7 @@ const APART_M: f64 = 5.0;
 const LETTER_M: f32 = 0.135;
 /// Height of the middle of the lowest blade, and from one to the next.
 const LOWEST_M: f32 = 2.55;
-const STEP_M: f32 = 0.25;
+const STEP_M: f32 = 0.31;
 const THICK_M: f32 = 0.03;
 /// Error of blades without letters.
 const PLAIN_M: f32 = 0.035;
