@@ -120,7 +120,7 @@ fn figure(mesh: &mut Mesh, pose: Pose, outfit: &Outfit, sides: u32) {
         // From within the trunk, so that no light is seen between.
         let inside = at(0.0, 0.07 * side, hip + 0.56);
         let arm = [(inside, 0.062), (shoulder, 0.07), (elbow, 0.052), (hand, 0.042)];
-        limb(mesh, &arm, few.min(4), coat.shaded(0.92));
+        limb(mesh, &arm, 3, coat.shaded(0.92));
         limb(mesh, &[(hand, 0.042), (hand + at(0.02, 0.0, -0.09), 0.012)], 3, skin);
     }
     let lean = match pose {
@@ -163,27 +163,15 @@ fn face(mesh: &mut Mesh, middle: Vec3, (skin, hair): (Finish, Finish)) {
     let dark = cloth([38, 30, 28]);
     for side in [1.0, -1.0] {
         let y = 0.033 * side;
-        let eye = [(at(0.070, y, 0.020), 0.011), (at(0.089, y, 0.020), 0.010), (at(0.091, y, 0.020), 0.0)];
+        let eye = [(at(0.080, y, 0.020), 0.0125), (at(0.0905, y, 0.020), 0.0)];
         limb(mesh, &eye, 5, dark);
         let brow = [(at(0.075, 0.016 * side, 0.045), 0.008), (at(0.066, 0.052 * side, 0.043), 0.005)];
         limb(mesh, &brow, 3, hair);
     }
-    limb(
-        mesh,
-        &[(at(0.070, 0.0, 0.025), 0.010), (at(0.102, 0.0, -0.008), 0.014), (at(0.078, 0.0, -0.016), 0.0)],
-        3,
-        skin.shaded(0.94),
-    );
-    limb(
-        mesh,
-        &[
-            (at(0.074, 0.024, -0.040), 0.004),
-            (at(0.086, 0.0, -0.041), 0.007),
-            (at(0.074, -0.024, -0.040), 0.004),
-        ],
-        3,
-        skin.shaded(0.62),
-    );
+    let nose = [(at(0.066, 0.0, 0.022), 0.006), (at(0.096, 0.0, -0.012), 0.014)];
+    limb(mesh, &nose, 3, skin.shaded(0.94));
+    let mouth = [(at(0.080, 0.022, -0.041), 0.006), (at(0.080, -0.022, -0.041), 0.006)];
+    limb(mesh, &mouth, 3, skin.shaded(0.62));
 }
 
 /// A figure far away: legs, trunk and head.
