@@ -331,8 +331,11 @@ fn draw(
     let is_over_time = state.charts.kind.is_over_time();
     egui::ScrollArea::vertical().auto_shrink(false).show(ui, |ui| {
         for (index, panel) in figure.panels.iter().enumerate() {
-            let at_s = is_over_time.then_some(shown.run_state.now.time_s);
-            if let Some(time_s) = plot::show(ui, (figure, index, panel), height, at_s) {
+            let across = match is_over_time {
+                true => plot::Across::ShownTime(shown.run_state.now.time_s),
+                false => plot::Across::Anything,
+            };
+            if let Some(time_s) = plot::show(ui, (figure, index, panel), height, across) {
                 actions.push(UiAction::PlaybackCommand(PlaybackCommand::Seek(time_s)));
             }
         }
@@ -359,7 +362,7 @@ pub(super) fn draw_over_time(ui: &mut Ui, figure: &Figure) {
     legend(ui, figure);
     for (index, panel) in figure.panels.iter().enumerate() {
         let height = (ui.available_height() - 60.0).max(80.0);
-        plot::show(ui, (figure, index, panel), height, None);
+        plot::show(ui, (figure, index, panel), height, plot::Across::Time);
     }
     ui.label(RichText::new(&figure.note).small().weak());
 }

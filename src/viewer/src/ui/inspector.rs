@@ -1,7 +1,7 @@
 //! The inspector: why the selected vehicle does what it does. Lane, leader, gap and headway come from poses, and so from
 //! every source; reasons are told by the control framework, here, elsewhere or in a log.
 
-use super::commands::{PREVIEW, TAKE_CONTROL, key_map};
+use super::commands::{self, PREVIEW, TAKE_CONTROL, key_map};
 use super::theme::{self, DecimalSeparator, SpeedUnit};
 use super::{CityKind, UiAction, UiState, ViewModel, plans, status};
 use city3d_control::PLAN_SLACK_M;
@@ -106,7 +106,9 @@ fn buttons(
         }
         if shown.replay.is_none() && shown.may_drive(id) && state.driven() != Some(id) {
             let tip = TAKE_CONTROL.tip(ui.ctx(), "Drive it with the keyboard");
-            let button = ui.button("Take control").on_hover_text(tip);
+            let present = commands::PAST_IS_SHOWN.words(&key_map::of(ui.ctx()));
+            let button = ui.add_enabled(!shown.past.is_shown, egui::Button::new("Take control"));
+            let button = button.on_hover_text(tip).on_disabled_hover_text(present);
             if button.clicked() {
                 actions.push(UiAction::Drive(id));
             }

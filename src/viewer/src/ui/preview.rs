@@ -321,13 +321,13 @@ fn drive_button(
         {
             actions.push(UiAction::GiveBack);
         }
-    } else if shown.may_drive(vehicle)
-        && ui
-            .button("Drive")
-            .on_hover_text(commands::TAKE_CONTROL.tip(ui.ctx(), "Take control of this vehicle"))
-            .clicked()
-    {
-        actions.push(UiAction::Drive(vehicle));
+    } else if shown.may_drive(vehicle) {
+        let present = commands::PAST_IS_SHOWN.words(&commands::key_map::of(ui.ctx()));
+        let drive = ui.add_enabled(!shown.past.is_shown, egui::Button::new("Drive"));
+        let tip = commands::TAKE_CONTROL.tip(ui.ctx(), "Take control of this vehicle");
+        if drive.on_hover_text(tip).on_disabled_hover_text(present).clicked() {
+            actions.push(UiAction::Drive(vehicle));
+        }
     }
 }
 

@@ -146,6 +146,16 @@ fn the_result_of_a_recorded_run_is_shown_when_it_is_asked_for() {
 }
 
 #[test]
+fn a_run_that_has_gone_on_says_of_when_its_result_is() {
+    let said = "The run has gone on to 20.0 s";
+    let mut harness = harness(finished());
+    assert!(harness.query_by_label_contains(said).is_none());
+    harness.state_mut().change(|now| now.time_s = 20.0);
+    harness.run_steps(3);
+    harness.get_by_label_contains(said);
+}
+
+#[test]
 fn the_result_can_be_seen_while_the_run_goes_on_beyond_its_end() {
     let mut desk = finished();
     desk.run_state.phase = RunPhase::Running;

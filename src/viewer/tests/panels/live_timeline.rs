@@ -11,7 +11,7 @@ use city3d_viewer::ui::{
 };
 use egui::{Key, Pos2};
 use egui_kittest::Harness;
-use egui_kittest::kittest::Queryable;
+use egui_kittest::kittest::{NodeT, Queryable};
 
 fn mark(time_s: f64, vehicle: u32, what: Occurrence) -> TimelineMark {
     TimelineMark { time_s, vehicle: VehicleId(vehicle), what }
@@ -451,6 +451,20 @@ fn the_list_of_events_stands_still_under_the_mouse() {
     harness.run_steps(30);
     harness.get_by_label("2.78");
     assert!(harness.query_by_label("1.75").is_none(), "the newest are in sight again");
+}
+
+#[test]
+fn nobody_takes_a_vehicle_of_the_past() {
+    let mut harness = live();
+    harness.state_mut().state.selection.vehicle = Some(VehicleId(2));
+    harness.state_mut().state.open.inspector = true;
+    harness.run_steps(3);
+    let is_disabled = |harness: &Harness<'static, Desk>| {
+        harness.get_by_label("Take control").accesskit_node().is_disabled()
+    };
+    assert!(!is_disabled(&harness));
+    look_back(&mut harness);
+    assert!(is_disabled(&harness));
 }
 
 #[test]

@@ -9,13 +9,25 @@ use city3d_logbook::figures::chart::{Colour, Dash, Figure, Panel};
 use egui::{Align2, Color32, RichText, Ui};
 use egui_plot::{AxisHints, GridMark, HLine, Line, LineStyle, Plot, PlotPoint, PlotPoints, Text, VLine};
 
+/// What the horizontal axis of a figure is.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(in super::super) enum Across {
+    /// No time.
+    Anything,
+    /// Time of no run that is shown.
+    Time,
+    /// Time of the shown run, and which one is shown, seconds; a click goes to another.
+    ShownTime(f64),
+}
+
 /// One pair of axes; returns the time of a click.
 pub(super) fn show(
     ui: &mut Ui,
     (figure, index, panel): (&Figure, usize, &Panel),
     height: f32,
-    at_s: Option<f64>,
+    across: Across,
 ) -> Option<f64> {
+    let at_s = if let Across::ShownTime(at_s) = across { Some(at_s) } else { None };
     let context = ui.ctx().clone();
     let label = match panel.title.as_str() {
         "" => panel.y_label.clone(),
@@ -32,7 +44,7 @@ pub(super) fn show(
     let x_label = x_label.unwrap_or_default();
     let near = hover::words_near([x_label, &panel.y_label], decimal);
     // Those over time are told for all lines at once, wherever the mouse is.
-    let tells_all = at_s.is_some() && !figure.legend.is_empty() && panel.names.is_empty();
+    let tells_all = across != Across::Anything && !figure.legend.is_empty() && panel.names.is_empty();
     let plot = Plot::new(("chart", index))
         .height(height)
         .custom_x_axes(vec![axis(AxisHints::new_x()).label(panel.x_label.as_str()).formatter(number)])
@@ -120,16 +132,20 @@ pub(super) fn show(
         }
         plot.response().clicked().then(|| plot.pointer_coordinate()).flatten()
     });
-    at_s?;
+    if across == Across::Anything {
+        return None;
+    }
     let pointed = shown.response.hover_pos().map(|at| shown.transform.value_from_position(at).x);
     let values = pointed.map_or_else(Vec::new, |time_s| hover::values_at(&figure.legend, panel, time_s));
     shown.response.on_hover_ui_at_pointer(|ui| {
         if let Some(time_s) = pointed.filter(|_| !values.is_empty()) {
             ui.label(hover::words_at([x_label, &panel.y_label], (time_s, &values), decimal));
         }
-        ui.label("Click to go to that time");
+        if at_s.is_some() {
+            ui.label("Click to go to that time");
+        }
     });
-    shown.inner.map(|point| point.x)
+    at_s.and(shown.inner).map(|point| point.x)
 }
 
 /// Lines that are wider on paper are wide on the screen too, points.

@@ -93,9 +93,7 @@ fn can_reset(state: &UiState, shown: &ViewModel<'_>) -> Availability {
 
 fn can_step(state: &UiState, shown: &ViewModel<'_>) -> Availability {
     match is_local_run(state, shown) {
-        Availability::Now if shown.past.is_shown => {
-            Availability::After(Hint::by("The past is shown: go back to the present first", &super::TO_END))
-        }
+        Availability::Now if shown.past.is_shown => Availability::After(super::PAST_IS_SHOWN),
         Availability::Now => can_run(state, shown),
         other => other,
     }

@@ -111,6 +111,8 @@ registry!(
     .only(|state, _| Availability::when(state.section != TimelineRange::default())),
 );
 
+/// Why nothing is done to the present.
+pub const PAST_IS_SHOWN: Hint = Hint::by("The past is shown: go back to the present first", &TO_END);
 /// Why who drives does not look at the past.
 pub const DRIVES: Hint = Hint::by("You drive: release the vehicle to look at the past", &RELEASE);
 

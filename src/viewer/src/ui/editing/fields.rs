@@ -28,7 +28,10 @@ fn told(field: &Response, new: String, present: &str, typed: &mut Option<String>
     None
 }
 
-/// A text that may be longer than its field, which grows with it; otherwise as [`text`]. Enter leaves it: it is one line in the
+/// Most height of a long text, points: three lines.
+const LONG_TEXT_HEIGHT: f32 = 58.0;
+
+/// A text that may be longer than its field, which grows with it up to three lines; otherwise as [`text`]. Enter leaves it: it is one line in the
 /// file.
 pub(super) fn long_text(
     ui: &mut Ui,
@@ -38,7 +41,9 @@ pub(super) fn long_text(
 ) -> Option<String> {
     let mut new = typed.take().unwrap_or_else(|| present.to_owned());
     let field = TextEdit::multiline(&mut new).return_key(None).desired_rows(1).desired_width(width);
-    let field = ui.add(field).labelled_by(label);
+    // A field of many lines would leave no room for those below.
+    let lines = egui::ScrollArea::vertical().id_salt("long text").max_height(LONG_TEXT_HEIGHT);
+    let field = lines.show(ui, |ui| ui.add(field)).inner.labelled_by(label);
     if field.has_focus() && ui.input(|input| input.key_pressed(Key::Enter)) {
         field.surrender_focus();
     }

@@ -7,6 +7,7 @@ mod fields;
 mod form;
 mod panel;
 mod tools;
+mod units;
 mod unplaced;
 
 pub(super) use panel::show;

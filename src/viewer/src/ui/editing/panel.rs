@@ -2,10 +2,10 @@
 
 use super::detour::Detour;
 use super::fields::long_text;
-use super::{EditAction, EditTool, EditView, choose, form, push};
+use super::{EditAction, EditTool, EditView, choose, form, push, units};
 use crate::ui::commands::{Command, EDITING};
 use crate::ui::runs::FilePurpose;
-use crate::ui::{DecimalSeparator, UiAction, UiState, ViewModel};
+use crate::ui::{UiAction, UiState, ViewModel};
 use egui::{Button, RichText, ScrollArea, Ui};
 
 /// Height of the list of problems, whether there are any or not, so that no field moves when one comes, points. It scrolls.
@@ -40,7 +40,7 @@ pub fn show(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>, actions: &m
     });
     ui.separator();
     let list = ScrollArea::vertical().id_salt("problems").auto_shrink(false);
-    list.show(ui, |ui| problems(ui, (edit, &detours), state.preferences.decimal));
+    list.show(ui, |ui| problems(ui, (edit, &detours), (&*state, shown)));
 }
 
 /// What the card of the scenario says of it.
@@ -124,7 +124,12 @@ fn tools(ui: &mut Ui, state: &mut UiState, edit: &EditView<'_>, actions: &mut Ve
     ui.small("Drag a vehicle to move its start.");
 }
 
-fn problems(ui: &mut Ui, (edit, detours): (&EditView<'_>, &[(String, Detour)]), decimal: DecimalSeparator) {
+fn problems(
+    ui: &mut Ui,
+    (edit, detours): (&EditView<'_>, &[(String, Detour)]),
+    (state, shown): (&UiState, &ViewModel<'_>),
+) {
+    let decimal = state.preferences.decimal;
     let count = edit.vehicles.len();
     let vehicles = if count == 1 { "1 vehicle" } else { &format!("{count} vehicles") };
     if edit.is_checking {
@@ -145,12 +150,18 @@ fn problems(ui: &mut Ui, (edit, detours): (&EditView<'_>, &[(String, Detour)]), 
     for warning in edit.warnings.iter().filter(|_| edit.problems.is_empty() && !edit.is_checking) {
         ui.colored_label(ui.visuals().warn_fg_color, format!("\u{26a0} {warning}"));
     }
+    let scale = shown.scale();
+    let style = (state.preferences.units, state.preferences.decimal);
+    let mut is_of_file = false;
     for problem in edit.problems {
-        ui.colored_label(ui.visuals().error_fg_color, format!("\u{26a0} {problem}"));
+        let told = units::full_scale(problem, scale, style);
+        is_of_file |= told.is_none() && problem.contains(char::is_numeric);
+        let text = told.as_ref().unwrap_or(problem);
+        ui.colored_label(ui.visuals().error_fg_color, format!("\u{26a0} {text}"));
     }
-    if edit.problems.iter().any(|problem| problem.contains(char::is_numeric)) {
+    if is_of_file {
         ui.label(
-            "Its lengths and speeds are those of the file, in laboratory units; those of the fields are full-scale",
+            "Lengths and speeds here are those of the file, in laboratory units; those of the fields are full-scale",
         );
     }
 }

@@ -123,6 +123,11 @@ pub(super) fn window(ui: &Ui, state: &mut UiState, shown: &ViewModel<'_>, action
             measures.conditions(),
             decimal.fixed(measures.simulated_s, 1)
         ));
+        let now_s = run_state.now.time_s;
+        if is_live && now_s > measures.simulated_s + 0.05 {
+            let now = decimal.fixed(now_s, 1);
+            ui.label(format!("The run has gone on to {now} s: this is its result at the end of the scenario."));
+        }
         let by_hand = measures.driven_by_hand();
         if !by_hand.is_empty() {
             let off = "Off their routes they count for neither slow stops nor delay";
