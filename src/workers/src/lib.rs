@@ -113,27 +113,6 @@ impl Workers {
         });
     }
 
-    /// Calls `work` with the index and the items at it, for all items of two lists of the same length, in any order.
-    ///
-    /// # Panics
-    /// With lists of different lengths.
-    pub fn each_of_two<A: Send, B: Send>(
-        &self,
-        (first, second): (&mut [A], &mut [B]),
-        work: impl Fn(usize, &mut A, &mut B) + Sync,
-    ) {
-        assert_eq!(first.len(), second.len(), "each item has its partner");
-        let jobs = first.chunks_mut(GROUP).zip(second.chunks_mut(GROUP)).enumerate();
-        self.share(
-            jobs,
-            || (),
-            |(), (job, (first, second))| {
-                let pairs = first.iter_mut().zip(second).enumerate();
-                pairs.for_each(|(k, (first, second))| work(job * GROUP + k, first, second));
-            },
-        );
-    }
-
     /// Calls `work` with the index of the first item, [`GROUP`] items that follow one another or the fewer ones at the end, and
     /// what there is for this group; for all groups, in any order.
     ///
