@@ -1,6 +1,9 @@
 //! State of one connected and automated vehicle (CAV) in the control framework.
 
 mod coordinated;
+mod fetch;
+
+pub(super) use fetch::fetch_ahead;
 
 use super::coordination::CoordinatedState;
 use super::decision::Decision;
@@ -171,6 +174,8 @@ pub struct Cav {
     pub pose: Pose2,
     /// Speed along its heading; used while it is on no lane.
     pub(super) heading_mps: f64,
+    /// Index of the lane under its rear at the control step.
+    lane_index: usize,
     /// The estimate at the time of the control step.
     axle_s: f64,
     speed_mps: f64,
@@ -234,6 +239,7 @@ impl Cav {
             is_finished: false,
             pose: Pose2::default(),
             heading_mps: setup.speed_mps,
+            lane_index: 0,
             axle_s: 0.0,
             speed_mps: 0.0,
             position_std_m: 0.0,
@@ -328,6 +334,7 @@ impl Cav {
         seen: &Measurement,
     ) {
         self.pose = seen.pose_in_lab();
+        let mut along_rad = None;
         let speed_mps = match &mut self.estimate {
             None => {
                 self.begin(map, now_s, seen, self.setup_speed_mps);
@@ -335,7 +342,7 @@ impl Cav {
             }
             Some(estimate) => {
                 let was_lost = estimate.is_lost(now_s);
-                estimate.update(map, (&self.route, self.body), now_s, seen);
+                along_rad = estimate.update(map, (&self.route, self.body), now_s, seen);
                 let speed_mps = estimate.speed_mps;
                 self.heading_mps = estimate.heading_mps();
                 if was_lost {
@@ -345,7 +352,7 @@ impl Cav {
                 speed_mps
             }
         };
-        if self.setup_speed_mps.is_none() || !off_route::has_left_route(map, self) {
+        if self.setup_speed_mps.is_none() || !off_route::has_left_route(map, self, along_rad) {
             self.is_off_route = false;
         } else {
             let way = off_route::route_from((map, lanes), self);
@@ -384,6 +391,7 @@ impl Cav {
         if let Some(estimate) = &self.estimate {
             let place = estimate.at(time_s);
             (self.axle_s, self.speed_mps) = (place.axle_s, place.speed_mps);
+            self.lane_index = self.route.index_at(self.rear_s());
             self.position_std_m = place.position_std_m;
             self.is_lost = estimate.is_lost(time_s);
             let stopping_m = self.driver.stopping_distance(estimate.speed_mps);

@@ -124,30 +124,32 @@ impl RouteEstimate {
         }
     }
 
-    /// Adds a newer pose; older ones are ignored.
+    /// Adds a newer pose and returns the heading of the route there; older ones are ignored.
     pub fn update(
         &mut self,
         map: &LabMap,
         (route, body): (&Route, CavGeometry),
         now_s: f64,
         seen: &Measurement,
-    ) {
+    ) -> Option<f64> {
         let dt_s = seen.stamp_s - self.stamp_s;
         if dt_s <= 0.0 {
-            return;
+            return None;
         }
         let expected_s = self.axle_s + self.speed_mps * dt_s;
         // A lost vehicle is re-localised where it is found.
         let earliest_s = if self.is_lost(now_s) { self.axle_s } else { expected_s };
         self.filter.update(seen.stamp_s, seen.pose_in_lab());
         self.motion = self.filter.at(seen.stamp_s);
-        let Some(motion) = self.motion else { return };
+        let motion = self.motion?;
         let axle = motion.pose.point_at(body.front_axle_m(), 0.0);
         let foot = route.project(map, axle, earliest_s - SEARCH_BEHIND_M, expected_s + SEARCH_AHEAD_M);
-        self.along = route.at(map, foot.s).pose.forward();
+        let along = route.at(map, foot.s).pose;
+        self.along = along.forward();
         self.axle_s = foot.s;
         self.speed_mps = self.speed_along(&motion);
         (self.stamp_s, self.heard_s, self.lateral_m) = (seen.stamp_s, now_s, foot.lateral);
+        Some(along.yaw_rad)
     }
 
     /// Speed of the front axle along the route; 0 in reverse.

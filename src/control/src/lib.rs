@@ -3,6 +3,7 @@
 //!
 //! It runs in lockstep with the city, or in its own process across the network.
 
+mod advance;
 mod answers;
 mod cacc;
 mod cav;
@@ -43,7 +44,9 @@ pub use signals::{
     Signals, WebsterLimits, WebsterTiming, all_red_time_s, webster, yellow_time_s,
 };
 
+use advance::VehicleGroup;
 use answers::{Answer, Heeded, Surroundings};
+use cav::fetch_ahead;
 use city3d_protocol::snapshot::VehicleId;
 use city3d_protocol::wire::{Measurement, Message};
 use city3d_roadmap::{LabMap, LaneIndex};
@@ -96,6 +99,8 @@ pub struct Mainframe {
     /// In id order.
     cavs: Vec<Cav>,
     occupancy: Occupancy,
+    /// A buffer.
+    groups: Vec<VehicleGroup>,
     right_of_way: RightOfWay,
     coordination: Option<ZoneCoordination>,
     /// Of a vehicle that decides in order; a buffer.
@@ -159,6 +164,7 @@ impl Mainframe {
             map,
             cavs,
             occupancy: Occupancy::default(),
+            groups: Vec::new(),
             heeded: Heeded::default(),
             answers: Vec::new(),
             safety_filter: SafetyFilter::default(),
@@ -241,59 +247,25 @@ impl Mainframe {
     }
 
     fn step_at_hand(&mut self, time_s: f64, arrived: &[Measurement], messages: &mut Vec<Message>) {
-        self.take_poses(time_s, arrived);
-        self.strangers.advance_to((&self.map, &self.lanes), time_s);
-        if self.still_estimates(time_s) {
+        if !self.advance_to(time_s, arrived) {
             return;
         }
         let dt_s = self.last_step_s.map_or(0.0, |last_s| time_s - last_s);
         self.last_step_s = Some(time_s);
-        self.workers.each(&mut self.cavs, |_, cav| cav.advance_to(time_s));
-        self.occupancy.fill((&self.map, &self.lanes), &self.cavs);
+        let under = self.groups.iter().flat_map(|group| &group.under);
+        self.occupancy.fill((&self.map, &self.lanes), &self.cavs, under);
         if let Some(coordination) = &mut self.coordination {
             coordination.update(time_s, &mut self.cavs);
         }
         self.signals.update(time_s, &self.map, &self.cavs, &self.strangers);
         messages.extend(self.signals.messages(time_s).map(Message::Signals));
         let around = (&*self.map, &self.occupancy, &self.signals);
-        self.right_of_way.update(time_s, around, &mut self.cavs, &self.workers);
+        self.right_of_way.update(time_s, around, (&mut self.cavs, &mut self.groups), &self.workers);
         reroute::reroute_blocked(time_s, &self.map, &mut self.cavs, &mut self.right_of_way, &self.occupancy);
         if let Some(platooning) = &mut self.platooning {
             platooning.update(time_s, &self.map, &mut self.cavs, &self.occupancy, &self.strangers);
         }
         self.answer(time_s, dt_s, messages);
-    }
-
-    /// Adds the poses that have arrived. With one for each vehicle, in the order of ids, vehicles take theirs side by side.
-    fn take_poses(&mut self, time_s: f64, arrived: &[Measurement]) {
-        let (map, lanes) = (&*self.map, &self.lanes);
-        let is_in_order = arrived.windows(2).all(|pair| pair[0].vehicle < pair[1].vehicle);
-        if !is_in_order {
-            for seen in arrived {
-                match self.cavs.binary_search_by_key(&seen.vehicle, |cav| cav.id) {
-                    Ok(index) => self.cavs[index].update_pose((map, lanes), time_s, seen),
-                    Err(_) => self.strangers.update(seen),
-                }
-            }
-            return;
-        }
-        // As a rule, all vehicles are under control, and all are seen.
-        let of = |index: usize, id: VehicleId| match arrived.get(index) {
-            Some(seen) if seen.vehicle == id => Some(seen),
-            _ => arrived.binary_search_by_key(&id, |seen| seen.vehicle).ok().map(|found| &arrived[found]),
-        };
-        self.workers.each(&mut self.cavs, |index, cav| {
-            if let Some(seen) = of(index, cav.id) {
-                cav.update_pose((map, lanes), time_s, seen);
-            }
-        });
-        let mut cavs = self.cavs.iter().peekable();
-        for seen in arrived {
-            while cavs.next_if(|cav| cav.id < seen.vehicle).is_some() {}
-            if cavs.next_if(|cav| cav.id == seen.vehicle).is_none() {
-                self.strangers.update(seen);
-            }
-        }
     }
 
     /// Lets the vehicles decide, and adds the messages to them.
@@ -302,14 +274,18 @@ impl Mainframe {
         answers.resize_with(self.cavs.len(), Answer::default);
         let around = self.surroundings();
         self.workers.each_with(&mut answers, Heeded::default, |heeded, index, answer| {
+            fetch_ahead(around.cavs, index, 0.0);
             answer.begin(&around, index, time_s, heeded);
         });
         if self.coordination.is_some() || self.platooning.is_some() {
             self.decide_in_order((time_s, dt_s), &mut answers);
         }
         let map = &*self.map;
-        self.workers.each_of_two((&mut self.cavs, &mut answers), |_, cav, answer| {
-            answer.finish(map, cav, (time_s, dt_s));
+        self.workers.each_group_of_two((&mut self.cavs, &mut answers), |cavs, answers| {
+            for (k, answer) in answers.iter_mut().enumerate() {
+                fetch_ahead(cavs, k, plan::HORIZON_S);
+                answer.finish(map, &mut cavs[k], (time_s, dt_s));
+            }
         });
         messages.extend((0..self.cavs.len()).filter_map(|place| {
             let trajectory = answers[self.decides_at(place)].take_trajectory();

@@ -41,14 +41,14 @@ impl LoopCapacity {
         Self { count: vec![0; most.len()], most, of_lane }
     }
 
-    /// Counts the vehicles on each loop.
-    pub fn recount(&mut self, cavs: &[Cav]) {
+    /// Forgets all vehicles.
+    pub(super) fn clear(&mut self) {
         self.count.fill(0);
-        let mut on = Vec::new();
-        for cav in cavs.iter().filter(|cav| cav.is_on_route()) {
-            self.list(cav, None, &mut on);
-            on.iter().for_each(|&entered: &usize| self.count[entered] += 1);
-        }
+    }
+
+    /// Counts vehicles on these loops, each as often as it is listed.
+    pub(super) fn count(&mut self, loops: &[usize]) {
+        loops.iter().for_each(|&entered| self.count[entered] += 1);
     }
 
     /// Whether every loop entered with the next section has space.
@@ -82,6 +82,13 @@ impl LoopCapacity {
         }
         out.sort_unstable();
         out.dedup();
+    }
+
+    /// Adds the loops that a vehicle is on or was admitted to, each once.
+    pub(super) fn add_to(&self, cav: &Cav, out: &mut Vec<usize>) {
+        let mut loops = Vec::new();
+        self.list(cav, None, &mut loops);
+        out.append(&mut loops);
     }
 }
 

@@ -21,9 +21,9 @@ const REJOIN_LANES: usize = 8;
 /// Number of lanes of a route that does not rejoin.
 const AHEAD_LANES: usize = 24;
 
-/// Whether a vehicle has left its route.
-pub fn has_left_route(map: &LabMap, cav: &Cav) -> bool {
-    let along = cav.route.at(map, cav.measured_s()).pose.yaw_rad;
+/// Whether a vehicle has left its route, whose heading at the last measured pose is known or looked up.
+pub fn has_left_route(map: &LabMap, cav: &Cav, along_rad: Option<f64>) -> bool {
+    let along = along_rad.unwrap_or_else(|| cav.route.at(map, cav.measured_s()).pose.yaw_rad);
     cav.lateral_m().abs() > LEFT_M || wrap_angle(cav.pose.yaw_rad - along).abs() > TURNED_RAD
 }
 

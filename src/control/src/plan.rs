@@ -11,6 +11,8 @@ use city3d_roadmap::{LabMap, LaneKind};
 /// Waypoint times after now. At any permitted speed the distance covered by the last one exceeds the stopping
 /// distance.
 const OFFSETS_S: [f64; 13] = [0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.7, 0.9, 1.2, 1.5, 2.0, 2.5, 3.0];
+/// Time of the last waypoint after now.
+pub const HORIZON_S: f64 = OFFSETS_S[OFFSETS_S.len() - 1];
 /// Assumed duration of an acceleration; braking lasts to the stop.
 const ACCELERATION_LASTS_S: f64 = 1.0;
 /// Distance before a turn at which indicators start, laboratory metres.

@@ -15,14 +15,17 @@ mod constraints;
 mod deadlock;
 mod inside;
 mod occupancy;
+mod presence;
 #[cfg(test)]
 mod room_tests;
 mod waiting;
 
 pub use constraints::{ConstraintKind, YieldConstraint};
 pub(crate) use constraints::{VehicleSet, WayLeft};
+pub(crate) use presence::Presence;
 
 use super::Cav;
+use super::advance::VehicleGroup;
 use super::loops::LoopCapacity;
 use super::route::{RANK_MAJOR, RANK_STOP, RANK_YIELD, Rank};
 use super::signals::{self, Signals};
@@ -224,18 +227,22 @@ impl RightOfWay {
         &mut self,
         now_s: f64,
         (map, occupancy, signals): (&LabMap, &Occupancy, &Signals),
-        cavs: &mut [Cav],
+        (cavs, groups): (&mut [Cav], &mut [VehicleGroup]),
         workers: &Workers,
     ) {
-        workers.each(cavs, |_, cav| note_progress(now_s, cav));
-        if !signals.is_empty() {
-            signals::revoke_admissions(cavs, signals);
-            cavs.iter_mut().filter(|cav| cav.is_on_route()).for_each(|cav| note_signal(cav, signals));
+        if !groups.iter().all(|group| group.is_noted) {
+            workers.each(cavs, |_, cav| note_progress(now_s, cav));
+            if !signals.is_empty() {
+                signals::revoke_admissions(cavs, signals);
+                cavs.iter_mut().filter(|cav| cav.is_on_route()).for_each(|cav| note_signal(cav, signals));
+            }
+            workers.each_group(cavs, groups, |first, cavs, group| {
+                group.presence.clear();
+                cavs.iter().enumerate().for_each(|(k, cav)| group.presence.add(first + k, cav, &self.loops));
+            });
         }
-        self.collect_zone_users(cavs);
-        self.admitted_towards.fill(cavs);
-        self.loops.recount(cavs);
-        self.admit_vehicles_inside(cavs);
+        let inside = self.take(groups.iter().map(|group| &group.presence));
+        self.admit_vehicles_inside(inside, cavs);
         self.resolve_deadlocks(now_s, map, cavs, occupancy);
         let (mut requests, mut candidates) =
             (std::mem::take(&mut self.requests), std::mem::take(&mut self.candidates));
@@ -266,20 +273,17 @@ impl RightOfWay {
         (self.requests, self.candidates) = (requests, candidates);
     }
 
+    /// What [`Self::update`] begins with, of one vehicle, where neither coordination nor signals come in between.
+    pub(super) fn note(&self, now_s: f64, (vehicle, cav): (usize, &mut Cav), presence: &mut Presence) {
+        note_progress(now_s, cav);
+        presence.add(vehicle, cav, &self.loops);
+    }
+
     /// Admits vehicles that started inside a section or could not stop before it, so that others respect
     /// them. One that was able to stop and did not, as a person may, goes before all admitted ones. Of several
     /// that are new, as when the control framework is restarted, those inside a zone go before those that have
     /// yet to enter it.
-    fn admit_vehicles_inside(&mut self, cavs: &mut [Cav]) {
-        let mut inside = Vec::new();
-        for (vehicle, cav) in cavs.iter().enumerate().filter(|(_, cav)| cav.is_on_route()) {
-            let stopping_m = cav.driver.stopping_distance(cav.speed_mps());
-            let next = cav.passage.next_section;
-            let ahead = cav.route.sections.get(next..).unwrap_or_default();
-            let entered =
-                ahead.iter().take_while(|section| section.hold_s - cav.front_s() <= stopping_m - OVERSHOOT_M);
-            inside.extend((0..entered.count()).map(|k| (vehicle, next + k)));
-        }
+    fn admit_vehicles_inside(&mut self, mut inside: Vec<(usize, usize)>, cavs: &mut [Cav]) {
         if inside.len() > 1 {
             inside = self.by_occupancy(&inside, cavs);
         }
@@ -291,39 +295,9 @@ impl RightOfWay {
             *counter += 1;
             self.admit(vehicle, cav, order);
         }
-        for cav in cavs.iter_mut().filter(|cav| cav.is_on_route()) {
-            cav.passage.was_before_line |= cav.passage.next_section < cav.route.sections.len();
-        }
-    }
-
-    fn collect_zone_users(&mut self, cavs: &[Cav]) {
-        self.users.iter_mut().for_each(Vec::clear);
-        for (vehicle, cav) in cavs.iter().enumerate().filter(|(_, cav)| cav.is_on_route()) {
-            // A lost vehicle occupies the interval from its last to its farthest position.
-            let (front_s, rear_s) = (cav.farthest_front_s(), cav.rear_s());
-            let route = &cav.route;
-            let mut section = cav.passage.admissions.first().map_or(cav.passage.next_section, |a| a.section);
-            while let Some(here) = route.sections.get(section) {
-                if here.from_s > front_s + HORIZON_M {
-                    break;
-                }
-                let order = cav.order_of(section);
-                for crossing in &route.crossings[here.crossings.clone()] {
-                    let user = ZoneUser {
-                        vehicle,
-                        section,
-                        side: crossing.side,
-                        to_entry_m: crossing.from_s - front_s,
-                        to_exit_m: crossing.to_s - rear_s,
-                        order,
-                        rank: here.rank,
-                    };
-                    if user.to_exit_m > 0.0 {
-                        self.users[crossing.zone.index()].push(user);
-                    }
-                }
-                section += 1;
-            }
+        // Nearly all were before: their routes are not read.
+        for cav in cavs.iter_mut().filter(|cav| !cav.passage.was_before_line && cav.is_on_route()) {
+            cav.passage.was_before_line = cav.passage.next_section < cav.route.sections.len();
         }
     }
 

@@ -86,8 +86,8 @@ pub struct Route {
     lanes: Vec<LaneId>,
     /// Arc length at the start of each lane, and the whole length at the end.
     stations: Vec<f64>,
-    /// Index of the lane at every [`PLACE_STEP_M`] of the route, for look-up.
-    places: Vec<u32>,
+    /// At every [`PLACE_STEP_M`] of the route, for look-up.
+    places: Vec<RoutePlace>,
     /// Merges and crossings on the route, by where they begin.
     pub crossings: Vec<ZoneCrossing>,
     /// Junction sections in driving order.
@@ -95,6 +95,15 @@ pub struct Route {
     /// Lanes that diverge from the route, in driving order.
     pub diverging: Vec<DivergingLane>,
     profile: SpeedProfile,
+}
+
+/// What is at a place of a route.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct RoutePlace {
+    /// Index of the lane.
+    lane: u32,
+    /// Index of the first diverging lane that does not begin before that lane.
+    fork: u32,
 }
 
 /// About the length of a connector: a look-up seldom passes more than two lanes.
@@ -163,8 +172,19 @@ impl Route {
     /// Index of the lane at an arc length; the first or last beyond the ends.
     pub fn index_at(&self, s: f64) -> usize {
         // Called many times per vehicle and control step: no search over the whole route.
+        self.index_from(self.place_at(s).lane as usize, s)
+    }
+
+    fn place_at(&self, s: f64) -> RoutePlace {
         let place = (s / PLACE_STEP_M).max(0.0) as usize;
-        self.index_from(self.places[place.min(self.places.len() - 1)] as usize, s)
+        self.places[place.min(self.places.len() - 1)]
+    }
+
+    /// The diverging lanes that do not begin before an arc length, in driving order.
+    pub(super) fn diverging_from(&self, s: f64) -> &[DivergingLane] {
+        let forks = &self.diverging[self.place_at(s).fork as usize..];
+        // Few, and in the order of memory.
+        &forks[forks.iter().take_while(|fork| fork.from_s < s).count()..]
     }
 
     /// Index of the lane at an arc length that is not before the lane at `index`.
@@ -173,6 +193,18 @@ impl Route {
             index += 1;
         }
         index
+    }
+
+    /// A number out of what is looked up around an arc length, with the speed profile on some way ahead, the lane at `index` and
+    /// a section.
+    pub(super) fn peek(&self, s: f64, ahead_m: f64, index: usize, section: usize) -> f64 {
+        let numbers = [
+            f64::from(self.place_at(s).lane),
+            self.stations.get(index).copied().unwrap_or_default(),
+            self.lanes.get(index).map_or(0.0, |lane| lane.index() as f64),
+            self.sections.get(section).map_or(0.0, |section| section.hold_s),
+        ];
+        self.profile.peek(s, ahead_m) + numbers.into_iter().sum::<f64>()
     }
 
     /// The point at an arc length, extended straight beyond the ends.
@@ -228,6 +260,10 @@ impl Route {
                     self.crossings.push(ZoneCrossing { zone: zone.id, kind: zone.kind, side, from_s, to_s });
                 }
             }
+        }
+        for place in &mut self.places {
+            let start = self.stations[place.lane as usize];
+            place.fork = self.diverging.partition_point(|fork| fork.from_s < start) as u32;
         }
         self.crossings.sort_by(|a, b| a.from_s.total_cmp(&b.from_s).then(a.zone.cmp(&b.zone)));
     }
@@ -333,15 +369,15 @@ impl Route {
     }
 }
 
-/// The lane index at each step along the route.
-fn places(stations: &[f64]) -> Vec<u32> {
+/// The lane at each step along the route.
+fn places(stations: &[f64]) -> Vec<RoutePlace> {
     let last = stations.len().saturating_sub(2);
     let mut index = 0;
     let mut place = |k: usize| {
         while index < last && stations[index + 1] <= k as f64 * PLACE_STEP_M {
             index += 1;
         }
-        index as u32
+        RoutePlace { lane: index as u32, fork: 0 }
     };
     let count = (stations[stations.len() - 1] / PLACE_STEP_M) as usize + 1;
     (0..count).map(&mut place).collect()
@@ -380,6 +416,8 @@ struct SpeedProfile {
 }
 
 const PROFILE_STEP_M: f64 = 0.02;
+/// So many numbers the processor reads at once.
+const NUMBERS_OF_LINE: usize = 8;
 /// Share of u_min for braking before bends: tracking keeps a reserve.
 const BEND_BRAKING: f64 = 0.6;
 
@@ -412,6 +450,13 @@ impl SpeedProfile {
             squares[k] = squares[k].min(squares[k + 1] + gain);
         }
         Self { squares }
+    }
+
+    /// Reads what a way from an arc length on needs.
+    fn peek(&self, s: f64, ahead_m: f64) -> f64 {
+        let from = ((s / PROFILE_STEP_M).max(0.0) as usize).min(self.squares.len() - 1);
+        let to = (from + (ahead_m / PROFILE_STEP_M) as usize + 1).min(self.squares.len());
+        self.squares[from..to].iter().step_by(NUMBERS_OF_LINE).sum()
     }
 
     fn at(&self, s: f64) -> f64 {

@@ -1,7 +1,7 @@
 //! Lane occupancy and leaders on the lane graph.
 
 use super::{Cav, LeaderState};
-use city3d_roadmap::{LabMap, LaneIndex};
+use city3d_roadmap::{LabMap, LaneId, LaneIndex};
 
 /// A vehicle on a lane: arc lengths of its front and rear bumper along that lane. A vehicle across a lane's
 /// end is listed on both lanes, with arc lengths beyond their ends.
@@ -16,6 +16,55 @@ struct LaneOccupant {
 #[derive(Clone, Debug, Default)]
 pub struct Occupancy {
     on_lane: Vec<Vec<LaneOccupant>>,
+    /// No rear bumper is farther before the beginning of a lane that it is listed on; not positive.
+    least_rear_m: f64,
+}
+
+/// The lanes under a vehicle, found beside other work on it.
+#[derive(Clone, Debug)]
+pub struct LanesUnder {
+    is_seen: bool,
+    is_on_route: bool,
+    front_s: f64,
+    rear_s: f64,
+    /// So many of the lanes are under it; more than there is space for: all of them are looked up again.
+    count: usize,
+    /// With where they begin along the route.
+    lanes: [(LaneId, f64); 3],
+}
+
+impl Default for LanesUnder {
+    fn default() -> Self {
+        let lanes = [(LaneId(0), 0.0); 3];
+        Self { is_seen: false, is_on_route: false, front_s: 0.0, rear_s: 0.0, count: 0, lanes }
+    }
+}
+
+impl LanesUnder {
+    /// Of a vehicle where it is.
+    pub fn of(cav: &Cav) -> Self {
+        let mut under = Self {
+            is_seen: cav.is_seen(),
+            is_on_route: cav.is_on_route(),
+            front_s: cav.front_s(),
+            rear_s: cav.rear_s(),
+            ..Self::default()
+        };
+        if under.is_on_route {
+            for (index, lane) in lanes_under(cav).enumerate() {
+                under.lanes.get_mut(index).into_iter().for_each(|place| *place = lane);
+                under.count = index + 1;
+            }
+        }
+        under
+    }
+}
+
+/// The lanes between the bumpers of a vehicle on its route, and where they begin along it.
+fn lanes_under(cav: &Cav) -> impl Iterator<Item = (LaneId, f64)> {
+    let route = &cav.route;
+    let (first, last) = (route.index_at(cav.rear_s()), route.index_at(cav.front_s()));
+    (first..=last).map(|index| (route.lanes()[index], route.lane_start(index)))
 }
 
 /// The leader: the nearest vehicle ahead on the route.
@@ -36,24 +85,34 @@ const FORK_REACH_M: f64 = 2.0;
 const OBSTACLE_MARGIN_M: f64 = 0.05;
 
 impl Occupancy {
-    /// Lists the vehicles anew. One that is on no lane blocks every lane within its reach.
-    pub fn fill(&mut self, (map, lanes): (&LabMap, &LaneIndex), cavs: &[Cav]) {
+    /// Lists the vehicles anew, with the lanes under each of them. One that is on no lane blocks every lane within its reach.
+    pub fn fill<'u>(
+        &mut self,
+        (map, lanes): (&LabMap, &LaneIndex),
+        cavs: &[Cav],
+        under: impl Iterator<Item = &'u LanesUnder>,
+    ) {
         self.on_lane.resize_with(map.lanes.len(), Vec::new);
         self.on_lane.iter_mut().for_each(Vec::clear);
-        for (vehicle, cav) in cavs.iter().enumerate().filter(|(_, cav)| cav.is_seen()) {
-            if !cav.is_on_route() {
-                self.add_obstacle((map, lanes), vehicle, cav);
-                continue;
-            }
-            let (rear_s, front_s) = (cav.rear_s(), cav.front_s());
-            let (first, last) = (cav.route.index_at(rear_s), cav.route.index_at(front_s));
-            for index in first..=last {
-                let start = cav.route.lane_start(index);
-                let lane = cav.route.lanes()[index];
-                let occupant = LaneOccupant { vehicle, front_m: front_s - start, rear_m: rear_s - start };
-                self.on_lane[lane.index()].push(occupant);
+        self.least_rear_m = 0.0;
+        for (vehicle, under) in under.enumerate().filter(|(_, under)| under.is_seen) {
+            let add = |(lane, start): (LaneId, f64)| {
+                let front_m = under.front_s - start;
+                self.add(lane, LaneOccupant { vehicle, front_m, rear_m: under.rear_s - start });
+            };
+            if !under.is_on_route {
+                self.add_obstacle((map, lanes), vehicle, &cavs[vehicle]);
+            } else if let Some(lanes) = under.lanes.get(..under.count) {
+                lanes.iter().copied().for_each(add);
+            } else {
+                lanes_under(&cavs[vehicle]).for_each(add);
             }
         }
+    }
+
+    fn add(&mut self, lane: LaneId, occupant: LaneOccupant) {
+        self.least_rear_m = self.least_rear_m.min(occupant.rear_m);
+        self.on_lane[lane.index()].push(occupant);
     }
 
     /// Adds a vehicle that is on no lane, or across some, to all lanes within reach.
@@ -62,8 +121,7 @@ impl Occupancy {
         for lane in lanes.near(cav.pose.position, reach_m + OBSTACLE_MARGIN_M) {
             let foot = map.lane(lane).curve.project(cav.pose.position);
             if foot.distance < reach_m + OBSTACLE_MARGIN_M {
-                let occupant = LaneOccupant { vehicle, front_m: foot.s + reach_m, rear_m: foot.s - reach_m };
-                self.on_lane[lane.index()].push(occupant);
+                self.add(lane, LaneOccupant { vehicle, front_m: foot.s + reach_m, rear_m: foot.s - reach_m });
             }
         }
     }
@@ -73,31 +131,33 @@ impl Occupancy {
     pub fn leader(&self, cavs: &[Cav], own: usize, within_m: f64) -> Option<Leader> {
         let cav = &cavs[own];
         let front_s = cav.front_s();
-        let mut nearest: Option<Leader> = None;
-        let mut consider = |vehicle: usize, other_front_s: f64, rear_s: f64| {
-            let is_ahead = other_front_s > front_s || (other_front_s == front_s && vehicle < own);
-            if vehicle == own || !is_ahead || rear_s > front_s + within_m {
-                return;
-            }
-            if nearest.is_none_or(|leader| rear_s < leader.rear_s) {
-                let ahead =
-                    LeaderState { gap_m: rear_s - front_s, speed_mps: cavs[vehicle].speed_along_mps() };
-                nearest = Some(Leader { vehicle, rear_s, ahead });
-            }
+        let mut nearest: Option<(usize, f64)> = None;
+        // In dense traffic the leader is near, and nothing that begins behind it is looked at.
+        let is_beyond = |start: f64, nearest: Option<(usize, f64)>| {
+            nearest.is_some_and(|(_, least)| start + self.least_rear_m >= least)
         };
+        let consider =
+            |nearest: &mut Option<(usize, f64)>, vehicle: usize, other_front_s: f64, rear_s: f64| {
+                let is_ahead = other_front_s > front_s || (other_front_s == front_s && vehicle < own);
+                if vehicle == own || !is_ahead || rear_s > front_s + within_m {
+                    return;
+                }
+                if nearest.is_none_or(|(_, least)| rear_s < least) {
+                    *nearest = Some((vehicle, rear_s));
+                }
+            };
         let route = &cav.route;
         for index in route.index_at(front_s)..route.lanes().len() {
             let start = route.lane_start(index);
-            if start > front_s + within_m {
+            if start > front_s + within_m || is_beyond(start, nearest) {
                 break;
             }
             for other in &self.on_lane[route.lanes()[index].index()] {
-                consider(other.vehicle, start + other.front_m, start + other.rear_m);
+                consider(&mut nearest, other.vehicle, start + other.front_m, start + other.rear_m);
             }
         }
-        let first = route.diverging.partition_point(|fork| fork.from_s < front_s - FORK_REACH_M);
-        for fork in &route.diverging[first..] {
-            if fork.from_s > front_s + within_m {
+        for fork in route.diverging_from(front_s - FORK_REACH_M) {
+            if fork.from_s > front_s + within_m || is_beyond(fork.from_s, nearest) {
                 break;
             }
             if fork.to_s < front_s {
@@ -105,11 +165,15 @@ impl Occupancy {
             }
             for other in &self.on_lane[fork.other.index()] {
                 if other.rear_m < fork.other_to_m {
-                    consider(other.vehicle, fork.from_s + other.front_m, fork.from_s + other.rear_m);
+                    let (other_front_s, rear_s) = (fork.from_s + other.front_m, fork.from_s + other.rear_m);
+                    consider(&mut nearest, other.vehicle, other_front_s, rear_s);
                 }
             }
         }
-        nearest
+        nearest.map(|(vehicle, rear_s)| {
+            let ahead = LeaderState { gap_m: rear_s - front_s, speed_mps: cavs[vehicle].speed_along_mps() };
+            Leader { vehicle, rear_s, ahead }
+        })
     }
 
     /// The nearest rear bumper beyond a position of a route, at most `within_m` on, of the vehicles that
@@ -126,7 +190,9 @@ impl Occupancy {
         let mut nearest: Option<(usize, f64)> = None;
         for index in route.index_at(from_s)..route.lanes().len() {
             let start = route.lane_start(index);
-            if start > from_s + within_m {
+            if start > from_s + within_m
+                || nearest.is_some_and(|(_, least)| start + self.least_rear_m >= least)
+            {
                 break;
             }
             for other in &self.on_lane[route.lanes()[index].index()] {

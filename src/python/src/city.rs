@@ -8,9 +8,7 @@ use crate::drivers::PythonDrivers;
 use crate::pictures::{self, SharedRenderer};
 use city3d_control::coordination::Coordinators;
 use city3d_dynamics::vehicle::{Motion, throttle_for_acceleration};
-use city3d_protocol::snapshot::{
-    Event, FrameSnapshot, Pedals, SimCommand, Trajectory, VehicleId, VehicleState,
-};
+use city3d_protocol::snapshot::{Event, FrameSnapshot, Pedals, SimCommand, Trajectory, VehicleId};
 use city3d_simulation::runner::Run;
 use city3d_simulation::scenario::{Experiment, Library, MapCache, Overrides, ScenarioRequest};
 use pyo3::exceptions::PyRuntimeError;
@@ -271,20 +269,7 @@ impl City {
 fn pedals_of(run: &Run, id: VehicleId, wanted: Acceleration) -> Option<Pedals> {
     let state = run.snapshot().vehicle(id)?;
     let spec = &run.experiment().planned(id)?.spec;
-    let throttle = throttle_for_acceleration(spec, &motion_of(state), wanted.mps2);
+    let throttle = throttle_for_acceleration(spec, &Motion::of(state), wanted.mps2);
     let (gas, brake) = (throttle.max(0.0), (-throttle).max(0.0));
     Some(Pedals { gas, brake, steering_rad: wanted.steering_rad, ..Pedals::default() }.clamped())
-}
-
-fn motion_of(state: &VehicleState) -> Motion {
-    Motion {
-        position: state.position,
-        orientation: state.orientation,
-        velocity_mps: state.velocity_mps,
-        speed_mps: state.speed_mps,
-        acceleration_mps2: state.acceleration_mps2,
-        yaw_rate_radps: state.yaw_rate_radps,
-        steering_rad: state.steering_rad,
-        wheels: state.wheels,
-    }
 }

@@ -37,7 +37,7 @@ struct Others {
 }
 
 /// Items that one thread takes at a time.
-const JOB: usize = 16;
+pub const GROUP: usize = 16;
 /// With fewer items for each thread, waking it costs more than it saves.
 const LEAST_SHARE: usize = 128;
 
@@ -108,49 +108,57 @@ impl Workers {
         buffers: impl Fn() -> B + Sync,
         work: impl Fn(&mut B, usize, &mut T) + Sync,
     ) {
-        self.share(items.chunks_mut(JOB).enumerate(), buffers, |buffers, (job, items)| {
-            items.iter_mut().enumerate().for_each(|(k, item)| work(buffers, job * JOB + k, item));
+        self.share(items.chunks_mut(GROUP).enumerate(), buffers, |buffers, (job, items)| {
+            items.iter_mut().enumerate().for_each(|(k, item)| work(buffers, job * GROUP + k, item));
         });
     }
 
-    /// Calls `work` with the index and the items at it, for all items of two lists of the same length, in any order.
+    /// Calls `work` with the index of the first item, [`GROUP`] items that follow one another or the fewer ones at the end, and
+    /// what there is for this group; for all groups, in any order.
     ///
     /// # Panics
-    /// With lists of different lengths.
-    pub fn each_of_two<A: Send, B: Send>(
+    /// With another number of groups.
+    pub fn each_group<T: Send, G: Send>(
         &self,
-        (first, second): (&mut [A], &mut [B]),
-        work: impl Fn(usize, &mut A, &mut B) + Sync,
+        items: &mut [T],
+        groups: &mut [G],
+        work: impl Fn(usize, &mut [T], &mut G) + Sync,
     ) {
-        assert_eq!(first.len(), second.len(), "each item has its partner");
-        let jobs = first.chunks_mut(JOB).zip(second.chunks_mut(JOB)).enumerate();
-        self.share(
-            jobs,
-            || (),
-            |(), (job, (first, second))| {
-                let pairs = first.iter_mut().zip(second).enumerate();
-                pairs.for_each(|(k, (first, second))| work(job * JOB + k, first, second));
-            },
-        );
+        assert_eq!(items.len().div_ceil(GROUP), groups.len(), "each group has its own");
+        let jobs = items.chunks_mut(GROUP).zip(groups).enumerate();
+        self.share(jobs, || (), |(), (job, (items, group))| work(job * GROUP, items, group));
     }
 
-    /// [`Self::each_of_two`] for three lists.
+    /// [`Self::each_group`] of two lists of the same length.
     ///
     /// # Panics
     /// With lists of different lengths.
-    pub fn each_of_three<A: Send, B: Send, C: Send>(
+    pub fn each_group_of_two<A: Send, B: Send>(
+        &self,
+        (first, second): (&mut [A], &mut [B]),
+        work: impl Fn(&mut [A], &mut [B]) + Sync,
+    ) {
+        assert_eq!(first.len(), second.len(), "each item has its partner");
+        let jobs = first.chunks_mut(GROUP).zip(second.chunks_mut(GROUP));
+        self.share(jobs, || (), |(), (first, second)| work(first, second));
+    }
+
+    /// [`Self::each_group`] of three lists of the same length.
+    ///
+    /// # Panics
+    /// With lists of different lengths.
+    pub fn each_group_of_three<A: Send, B: Send, C: Send>(
         &self,
         (first, second, third): (&mut [A], &mut [B], &mut [C]),
-        work: impl Fn(usize, &mut A, &mut B, &mut C) + Sync,
+        work: impl Fn(usize, &mut [A], &mut [B], &mut [C]) + Sync,
     ) {
         assert_eq!([first.len(); 2], [second.len(), third.len()], "each item has its partners");
-        let jobs = first.chunks_mut(JOB).zip(second.chunks_mut(JOB)).zip(third.chunks_mut(JOB)).enumerate();
+        let groups = first.chunks_mut(GROUP).zip(second.chunks_mut(GROUP)).zip(third.chunks_mut(GROUP));
         self.share(
-            jobs,
+            groups.enumerate(),
             || (),
-            |(), (job, ((first, second), third))| {
-                let items = first.iter_mut().zip(second).zip(third).enumerate();
-                items.for_each(|(k, ((first, second), third))| work(job * JOB + k, first, second, third));
+            |(), (group, ((first, second), third))| {
+                work(group * GROUP, first, second, third);
             },
         );
     }
@@ -255,21 +263,32 @@ mod tests {
     #[test]
     fn every_item_is_worked_on_once_whatever_the_number_of_threads() {
         for threads in [1, 2, 3, 8] {
-            for count in [0, 1, JOB, 2 * JOB + 1, 1000] {
+            for count in [0, 1, GROUP, 2 * GROUP + 1, 1000] {
                 let workers = workers(threads);
                 let mut items = vec![0; count];
                 let mut partners: Vec<usize> = (0..count).collect();
                 let mut thirds = partners.clone();
                 workers.at_hand(count, || {
                     workers.each(&mut items, |index, item| *item += index);
-                    workers.each_of_two((&mut items, &mut partners), |index, item, partner| {
-                        assert_eq!((*item, *partner), (index, index));
+                    let mut sums = vec![0; count.div_ceil(GROUP)];
+                    workers.each_group(&mut items, &mut sums, |first, items, sum| {
+                        assert_eq!(items[0], first);
+                        *sum = items.iter().sum::<usize>();
                     });
-                    workers.each_of_three(
+                    assert_eq!(sums.iter().sum::<usize>(), (0..count).sum());
+                    workers.each_group_of_two((&mut items, &mut partners), |items, partners| {
+                        assert_eq!(items, partners);
+                    });
+                    workers.each_group_of_three(
                         (&mut items, &mut partners, &mut thirds),
-                        |index, item, partner, third| {
-                            assert_eq!((*item, *partner, *third), (index, index, index));
-                            *partner += *item + *third;
+                        |first, items, partners, thirds| {
+                            for (k, item) in items.iter().enumerate() {
+                                assert_eq!(
+                                    (*item, partners[k], thirds[k]),
+                                    (first + k, first + k, first + k)
+                                );
+                                partners[k] += *item + thirds[k];
+                            }
                         },
                     );
                 });

@@ -20,13 +20,10 @@ impl AdmittedTowards {
         Self { by_lane: vec![Vec::new(); map.lanes.len()], used: Vec::new() }
     }
 
-    /// Lists the vehicles anew.
-    pub(super) fn fill(&mut self, cavs: &[Cav]) {
+    /// Forgets all vehicles.
+    pub(super) fn clear(&mut self) {
         for lane in self.used.drain(..) {
             self.by_lane[lane.index()].clear();
-        }
-        for (vehicle, cav) in cavs.iter().enumerate().filter(|(_, cav)| cav.is_on_route()) {
-            self.add(vehicle, cav);
         }
     }
 
@@ -39,13 +36,16 @@ impl AdmittedTowards {
 
     /// Adds an admission to one section of its route.
     pub(super) fn add_section(&mut self, vehicle: usize, cav: &Cav, section: usize) {
-        for &lane in &cav.route.lanes()[lanes_of(cav, section)] {
-            let vehicles = &mut self.by_lane[lane.index()];
-            if vehicles.is_empty() {
-                self.used.push(lane);
-            }
-            vehicles.push(vehicle);
+        cav.route.lanes()[lanes_of(cav, section)].iter().for_each(|lane| self.add_lane(vehicle, *lane));
+    }
+
+    /// Adds a vehicle to those of a lane.
+    pub(super) fn add_lane(&mut self, vehicle: usize, lane: LaneId) {
+        let vehicles = &mut self.by_lane[lane.index()];
+        if vehicles.is_empty() {
+            self.used.push(lane);
         }
+        vehicles.push(vehicle);
     }
 
     /// The vehicles listed for a lane, each once, in id order.
@@ -58,7 +58,7 @@ impl AdmittedTowards {
 }
 
 /// Indices of the lanes of a route from the start of a section to its exit lane.
-fn lanes_of(cav: &Cav, section: usize) -> RangeInclusive<usize> {
+pub(super) fn lanes_of(cav: &Cav, section: usize) -> RangeInclusive<usize> {
     let there = &cav.route.sections[section];
     cav.route.index_at(there.from_s)..=cav.route.index_at(there.to_s + BEHIND_SECTION_M)
 }

@@ -44,85 +44,141 @@ impl FreeBody {
         BodyState::of(self.pose, com, self.linear, self.angular)
     }
 
-    /// One step; `None` where it leads to no finite motion.
-    pub(super) fn after(
-        &self,
-        impetus: &Impetus,
+    /// Advances bodies by one step. Which it did: those that it leads to no finite motion stay as they are.
+    pub(super) fn advance_all<const N: usize>(
+        mut moves: [Option<(&mut Self, Impetus)>; N],
         gravity: Vector,
         parameters: &IntegrationParameters,
-    ) -> Option<Self> {
-        let next = match *impetus {
-            Impetus::Forces { force_n, torque_nm } => {
-                self.pushed(vector(force_n), vector(torque_nm), gravity, parameters)
-            }
-            Impetus::Pose { position, yaw_rad } => self.guided(pose(position, yaw_rad), parameters),
-        };
-        let is_finite = next.pose.is_finite() && next.linear.is_finite() && next.angular.is_finite();
-        is_finite.then_some(next)
-    }
-
-    /// A dynamic body.
-    fn pushed(
-        &self,
-        force: Vector,
-        torque: Vector,
-        gravity: Vector,
-        parameters: &IntegrationParameters,
-    ) -> Self {
+    ) -> [bool; N] {
         let substeps = parameters.num_solver_iterations;
         let dt = parameters.dt / substeps as Real;
-        let mass = &self.mass;
-        let inverse_mass = Vector::splat(mass.inv_mass);
-        let force = (Vector::ZERO + force) + gravity * inverse_mass.map(inverse);
-        let torque = Vector::ZERO + torque;
-        let gain = force * inverse_mass * dt;
-        let turn_gain = mass.world_inv_inertia(&self.pose.rotation) * torque * dt;
-        let inertia = mass.principal_inertia();
-
-        let (mut linear, mut angular) = (self.linear, self.angular);
-        // The solver's poses are those of the centre of mass.
-        let mut centre = self.pose.prepend_translation(mass.local_com);
+        let limits = Limits::of(parameters);
+        let mut pushed: [Option<PushedBody>; N] = std::array::from_fn(|k| {
+            let (body, impetus) = moves[k].as_ref()?;
+            let Impetus::Forces { force_n, torque_nm } = *impetus else { return None };
+            Some(PushedBody::new(body, vector(force_n), vector(torque_nm), gravity, dt))
+        });
+        // Side by side: the substeps of one body wait for one another, and those of several do not.
         for _ in 0..substeps {
-            linear += gain;
-            angular += turn_gain;
-            let axes = centre.rotation * mass.principal_inertia_local_frame;
-            angular = gyroscopic(angular, axes, inertia, mass.inv_principal_inertia, dt);
-            (linear, angular) = limited(linear, angular, parameters);
-            let half_turn = angular * (dt * 0.5);
-            let turn = Rotation::from_xyzw(half_turn.x, half_turn.y, half_turn.z, 1.0);
-            centre.rotation = turn * centre.rotation;
-            centre.rotation = centre.rotation.normalize();
-            centre.translation += linear * dt;
+            for (pushed, body) in pushed.iter_mut().zip(&moves) {
+                if let (Some(pushed), Some((body, _))) = (pushed, body) {
+                    pushed.substep(&body.mass, dt, &limits);
+                }
+            }
         }
-        Self { pose: centre.prepend_translation(-mass.local_com), linear, angular, ..*self }
+        std::array::from_fn(|k| {
+            let Some((body, impetus)) = &mut moves[k] else { return false };
+            let (pose, linear, angular) = match (*impetus, &pushed[k]) {
+                (Impetus::Pose { position, yaw_rad }, _) => {
+                    body.guided(pose(position, yaw_rad), parameters, &limits)
+                }
+                (_, Some(moved)) => {
+                    (moved.centre.prepend_translation(-body.mass.local_com), moved.linear, moved.angular)
+                }
+                (_, None) => return false,
+            };
+            let is_finite = pose.is_finite() && linear.is_finite() && angular.is_finite();
+            if is_finite {
+                (body.pose, body.linear, body.angular) = (pose, linear, angular);
+            }
+            is_finite
+        })
     }
 
     /// A kinematic body: it is where it shall be, at the velocity that led there.
-    fn guided(&self, to: Pose, parameters: &IntegrationParameters) -> Self {
+    fn guided(
+        &self,
+        to: Pose,
+        parameters: &IntegrationParameters,
+        limits: &Limits,
+    ) -> (Pose, Vector, Vector) {
         let way = RigidBodyPosition { position: self.pose, next_position: to };
         let velocity = way.interpolate_velocity(parameters.inv_dt(), self.mass.local_com);
         let (mut linear, mut angular) = (velocity.linvel, velocity.angvel);
         // The solver's substeps do not move it, but their increments of zero make 0.0 of -0.0, and each of them rounds a limit.
         for _ in 0..parameters.num_solver_iterations {
-            (linear, angular) = limited(linear + Vector::ZERO, angular + Vector::ZERO, parameters);
+            (linear, angular) = limits.limited(linear + Vector::ZERO, angular + Vector::ZERO);
         }
-        Self { pose: to, linear, angular, ..*self }
+        (to, linear, angular)
     }
 }
 
-/// Velocities within the limits of the solver.
-fn limited(mut linear: Vector, mut angular: Vector, parameters: &IntegrationParameters) -> (Vector, Vector) {
-    let (most, most_turning) = (parameters.max_linear_velocity(), MOST_TURN_RAD * parameters.inv_dt());
-    let speed = linear.length();
-    if speed > most {
-        linear *= most / speed;
-    }
-    let turning = angular.length();
-    if turning > most_turning {
-        angular *= most_turning / turning;
-    }
-    (linear, angular)
+/// The motion of a dynamic body within a step.
+struct PushedBody {
+    /// The solver's poses are those of the centre of mass.
+    centre: Pose,
+    linear: Vector,
+    angular: Vector,
+    inertia: Vector,
+    /// Of the velocities in each substep.
+    gain: Vector,
+    turn_gain: Vector,
 }
+
+impl PushedBody {
+    fn new(body: &FreeBody, force: Vector, torque: Vector, gravity: Vector, dt: Real) -> Self {
+        let mass = &body.mass;
+        let inverse_mass = Vector::splat(mass.inv_mass);
+        let force = (Vector::ZERO + force) + gravity * inverse_mass.map(inverse);
+        let torque = Vector::ZERO + torque;
+        Self {
+            centre: body.pose.prepend_translation(mass.local_com),
+            linear: body.linear,
+            angular: body.angular,
+            inertia: mass.principal_inertia(),
+            gain: force * inverse_mass * dt,
+            turn_gain: mass.world_inv_inertia(&body.pose.rotation) * torque * dt,
+        }
+    }
+
+    fn substep(&mut self, mass: &MassProperties, dt: Real, limits: &Limits) {
+        let Self { centre, linear, angular, .. } = self;
+        *linear += self.gain;
+        *angular += self.turn_gain;
+        let axes = centre.rotation * mass.principal_inertia_local_frame;
+        *angular = gyroscopic(*angular, axes, self.inertia, mass.inv_principal_inertia, dt);
+        (*linear, *angular) = limits.limited(*linear, *angular);
+        let half_turn = *angular * (dt * 0.5);
+        let turn = Rotation::from_xyzw(half_turn.x, half_turn.y, half_turn.z, 1.0);
+        centre.rotation = turn * centre.rotation;
+        centre.rotation = centre.rotation.normalize();
+        centre.translation += *linear * dt;
+    }
+}
+
+/// Limits of the solver on velocities.
+struct Limits {
+    most: Real,
+    most_turning: Real,
+}
+
+impl Limits {
+    fn of(parameters: &IntegrationParameters) -> Self {
+        let most_turning = MOST_TURN_RAD * parameters.inv_dt();
+        Self { most: parameters.max_linear_velocity(), most_turning }
+    }
+
+    fn limited(&self, mut linear: Vector, mut angular: Vector) -> (Vector, Vector) {
+        // By their squares nearly all velocities are found to be within.
+        let may_exceed = |v: Vector, most: Real| v.length_squared() > most * most * NEARLY;
+        if may_exceed(linear, self.most) {
+            let speed = linear.length();
+            if speed > self.most {
+                linear *= self.most / speed;
+            }
+        }
+        if may_exceed(angular, self.most_turning) {
+            let turning = angular.length();
+            if turning > self.most_turning {
+                angular *= self.most_turning / turning;
+            }
+        }
+        (linear, angular)
+    }
+}
+
+/// One less more than squares and roots are rounded by.
+const NEARLY: Real = 1.0 - 1e-9;
 
 /// Angular velocity after a time without torque: an explicit step that keeps the angular momentum.
 fn gyroscopic(angular: Vector, axes: Rotation, inertia: Vector, inverse: Vector, dt: Real) -> Vector {
@@ -177,7 +233,7 @@ mod tests {
                 _ => {}
             }
             match &mut free {
-                Some(free) => assert!(physics[1].advance(free, &impetus)),
+                Some(free) => assert_eq!(physics[1].advance([Some((free, impetus))]), [true]),
                 None => physics[1].impel(body, &impetus),
             }
             physics[1].step();
@@ -232,7 +288,7 @@ mod tests {
         let mut free = physics.release(body).unwrap();
         let before = bits(free.state());
         let impetus = Impetus::Forces { force_n: DVec3::X * f64::NAN, torque_nm: DVec3::ZERO };
-        assert!(!physics.advance(&mut free, &impetus));
+        assert_eq!(physics.advance([Some((&mut free, impetus)), None]), [false; 2]);
         assert_eq!(bits(free.state()), before);
     }
 }

@@ -291,12 +291,10 @@ impl Physics {
         free.write_to(rigid);
     }
 
-    /// Advances a free body by one step, as [`Self::impel`] and [`Self::step`] do where nothing is near. Whether it did: a
-    /// motion that is not finite is left to the physics.
-    pub fn advance(&self, free: &mut FreeBody, impetus: &Impetus) -> bool {
-        let Some(next) = free.after(impetus, self.gravity, &self.parameters) else { return false };
-        *free = next;
-        true
+    /// Advances free bodies by one step, as [`Self::impel`] and [`Self::step`] do where nothing is near: several side by side
+    /// take less time than one by one. Which it did: a motion that is not finite is left to the physics.
+    pub fn advance<const N: usize>(&self, moves: [Option<(&mut FreeBody, Impetus)>; N]) -> [bool; N] {
+        FreeBody::advance_all(moves, self.gravity, &self.parameters)
     }
 
     /// Lets an impetus act on a body; one that was removed is no error.

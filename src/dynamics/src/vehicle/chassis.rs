@@ -1,7 +1,7 @@
 //! The body of a vehicle in the physics, and by itself while nothing is near.
 
 use super::{Motion, VehicleSpec};
-use crate::physics::{BodyId, BodyState, BoxBody, FreeBody, Impetus, Physics};
+use crate::physics::{BodyId, BodyState, BoxBody, FreeBody, Physics};
 use city3d_geometry::Pose2;
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
@@ -55,8 +55,9 @@ impl Chassis {
         }
     }
 
-    pub(super) fn advance(&mut self, physics: &Physics, impetus: &Impetus) -> bool {
-        self.free.as_mut().is_some_and(|free| physics.advance(free, impetus))
+    /// `None` while the physics has it.
+    pub(super) fn free_mut(&mut self) -> Option<&mut FreeBody> {
+        self.free.as_mut()
     }
 }
 

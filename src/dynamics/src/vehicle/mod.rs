@@ -26,11 +26,11 @@ pub use raycast::RaycastCar;
 pub use tracker::{Tracker, Tracking, throttle_for_acceleration};
 pub use wheels::set_wheels;
 
-use crate::physics::{BodyId, BodyState, Impetus, Physics};
+use crate::physics::{BodyId, BodyState, FreeBody, Impetus, Physics};
 use chassis::Chassis;
 use city3d_geometry::digest::{Digest, StateHash};
 use city3d_geometry::{LengthScale, Pose2, trig};
-use city3d_protocol::snapshot::WheelState;
+use city3d_protocol::snapshot::{VehicleState, WheelState};
 use glam::{DQuat, DVec2, DVec3};
 use serde::{Deserialize, Serialize};
 
@@ -72,6 +72,20 @@ pub struct Motion {
 }
 
 impl Motion {
+    /// The motion of a vehicle's state, which has all of it.
+    pub fn of(state: &VehicleState) -> Self {
+        Self {
+            position: state.position,
+            orientation: state.orientation,
+            velocity_mps: state.velocity_mps,
+            speed_mps: state.speed_mps,
+            acceleration_mps2: state.acceleration_mps2,
+            yaw_rate_radps: state.yaw_rate_radps,
+            steering_rad: state.steering_rad,
+            wheels: state.wheels,
+        }
+    }
+
     /// Unit vector of the heading, seen from above.
     pub fn forward(&self) -> DVec2 {
         (self.orientation * DVec3::X).truncate().normalize_or(DVec2::X)
@@ -171,9 +185,9 @@ impl Dynamics {
         }
     }
 
-    /// Advances its free body by one step. Whether it did: the physics has to where the body is not free or has no finite motion.
-    pub fn advance(&mut self, physics: &Physics, impetus: &Impetus) -> bool {
-        self.chassis_mut().is_some_and(|chassis| chassis.advance(physics, impetus))
+    /// Its body while that is [free](Self::is_free).
+    pub fn free_body_mut(&mut self) -> Option<&mut FreeBody> {
+        self.chassis_mut()?.free_mut()
     }
 
     fn chassis(&self) -> Option<&Chassis> {

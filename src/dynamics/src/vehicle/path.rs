@@ -18,6 +18,8 @@ const SPACING_M: f64 = 0.05;
 const KEPT_SPACING_M: f64 = 0.5;
 /// Cosine of 0.7 rad. A heading that differs more from the chord is noise; the chord replaces it.
 const LEAST_COSINE: f64 = 0.765;
+/// More than distances and stations are rounded by.
+const ROUNDING_M: f64 = 1e-6;
 /// Largest curvature of any vehicle.
 const MAX_CURVATURE: f64 = 0.5;
 /// At a self-intersection the branch along the vehicle's heading counts: a heading difference above this,
@@ -25,34 +27,20 @@ const MAX_CURVATURE: f64 = 0.5;
 const HEADING_RAD: f64 = 1.2;
 const HEADING_WEIGHT_M: f64 = 5.0;
 
-/// A node of the path: a pose, and the span that leads to it.
+/// A node of the path. Spans follow from their two nodes: in a city of thousands the time of a search is that of reading
+/// memory, and a span is needed for few of the nodes that are read and kept.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 struct PathNode {
+    station: f64,
     pose: Pose2,
     /// Unit vector of the heading.
     forward: DVec2,
-    /// Span from the previous node; meaningless for the first node.
-    span: CubicSpan,
-}
-
-/// Where the span to a node is. A search looks at those of a whole stretch and at few nodes, which are three times as large:
-/// in a city of thousands its time is that of reading memory.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-struct SpanPlace {
-    /// Of its end.
-    station: f64,
-    /// Of its chord.
-    middle: DVec2,
-    /// The span is within this distance of its middle, metres.
-    reach_m: f64,
 }
 
 /// A path with stations: arc lengths from an origin that is kept as the path is renewed.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub(super) struct Path {
     nodes: Vec<PathNode>,
-    /// One for each node.
-    places: Vec<SpanPlace>,
 }
 
 /// The nearest point of a path.
@@ -96,46 +84,46 @@ impl Path {
     }
 
     pub(super) fn end(&self) -> f64 {
-        self.places.last().map_or(0.0, |place| place.station)
+        self.nodes.last().map_or(0.0, |node| node.station)
+    }
+
+    /// Of its nodes.
+    pub(super) fn stations(&self) -> impl Iterator<Item = f64> {
+        self.nodes.iter().map(|node| node.station)
     }
 
     /// The digest of the nodes from one on.
     fn digest_from(&self, first: usize, hash: &mut StateHash) {
-        for (node, place) in self.nodes[first..].iter().zip(&self.places[first..]) {
+        for node in &self.nodes[first..] {
             node.pose.digest(hash);
-            hash.number(place.station);
+            hash.number(node.station);
         }
     }
 
     /// Restarts with one pose at `station`.
     pub(super) fn restart(&mut self, station: f64, pose: Pose2) {
         self.nodes.clear();
-        self.places.clear();
-        self.nodes.push(PathNode { pose, forward: pose.forward(), span: CubicSpan::default() });
-        self.places.push(SpanPlace { station, middle: DVec2::ZERO, reach_m: 0.0 });
+        self.nodes.push(PathNode { station, pose, forward: pose.forward() });
     }
 
     /// Appends a pose and returns its station. A pose not ahead of the end is skipped.
     pub(super) fn push(&mut self, pose: Pose2) -> f64 {
-        let (Some(last), end) = (self.nodes.last(), self.end()) else {
+        let Some(last) = self.nodes.last() else {
             self.restart(0.0, pose);
             return 0.0;
         };
         let offset = pose.position - last.pose.position;
         let ahead = offset.dot(last.forward);
         if offset.length_squared() < SPACING_M * SPACING_M {
-            return end + ahead.clamp(0.0, SPACING_M);
+            return last.station + ahead.clamp(0.0, SPACING_M);
         }
         if ahead < 0.0 {
-            return end;
+            return last.station;
         }
-        let mut node = PathNode { pose, forward: pose.forward(), span: CubicSpan::default() };
-        let between = Between::nodes(last, &node);
-        node.span = between.span;
-        let station = end + between.length_m;
-        self.places.push(between.place(station));
+        let mut node = PathNode { station: 0.0, pose, forward: pose.forward() };
+        node.station = last.station + CubicSpan::between(last, &node).length();
         self.nodes.push(node);
-        station
+        node.station
     }
 
     /// [`Self::push`], with the digest of what comes to the path: the processor works on both at once, for a digest is a chain
@@ -149,68 +137,61 @@ impl Path {
 
     /// Keeps the path between two stations, thinned out where it is dense.
     pub(super) fn keep(&mut self, from: f64, to: f64) {
-        let (nodes, places) = (&mut self.nodes, &mut self.places);
+        let nodes = &mut self.nodes;
         // What lies ahead is most of a path and is not read.
-        let begin = places.iter().take_while(|place| place.station < from).count();
-        let count = places[begin..].iter().take_while(|place| place.station <= to).count();
-        // Kept nodes move to the front. Most of them stay neighbours, and their spans as they are.
-        let (mut kept, mut is_next) = (0, false);
+        let begin = nodes.iter().take_while(|node| node.station < from).count();
+        let count = nodes[begin..].iter().take_while(|node| node.station <= to).count();
+        // Kept nodes move to the front.
+        let mut kept = 0;
         for index in begin..begin + count {
-            let keeps = kept == 0 || places[index].station - places[kept - 1].station > KEPT_SPACING_M;
-            if keeps {
-                (nodes[kept], places[kept]) = (nodes[index], places[index]);
-                if kept > 0 && !is_next {
-                    let between = Between::nodes(&nodes[kept - 1], &nodes[kept]);
-                    nodes[kept].span = between.span;
-                    places[kept] = between.place(places[kept].station);
-                }
+            if kept == 0 || nodes[index].station - nodes[kept - 1].station > KEPT_SPACING_M {
+                nodes[kept] = nodes[index];
                 kept += 1;
             }
-            is_next = keeps;
         }
         nodes.truncate(kept);
-        places.truncate(kept);
     }
 
     /// The nearest point to `point` between two stations, for a vehicle with heading `forward`; extensions
     /// count if the range reaches them. `None` for an empty path.
     pub(super) fn nearest(&self, point: DVec2, forward: DVec2, from: f64, to: f64) -> Option<NearestPoint> {
         let (first, last) = (self.nodes.first()?, self.nodes.last()?);
-        let [first_station, last_station] = [self.places.first()?.station, self.end()];
         // One after the other, as the processor fetches them: the stretch is near the front, and what is read first is hardly
         // ever at hand.
-        let begin = self.places.iter().take_while(|place| place.station < from).count().saturating_sub(1);
+        let begin = self.nodes.iter().take_while(|node| node.station < from).count().saturating_sub(1);
         let mut best = NearestSearch { cost: f64::INFINITY, within_m: f64::INFINITY, nearest: None };
-        let (ends, spans) = (&self.places[begin..], &self.places[begin + 1..]);
-        let count = ends.iter().zip(spans).take_while(|(before, _)| before.station <= to).count();
-        // Of the nodes that a span leads to.
-        let reachable = &spans[..count];
-        let to_middle = |place: &SpanPlace| place.middle.distance_squared(point);
-        let nearest_of = |index: usize| {
-            let node = begin + 1 + index;
-            let [before, place] = [node - 1, node].map(|end| &self.places[end]);
-            self.nodes[node].span.nearest(point - place.middle, before.station, place.station)
-        };
+        let stretch = &self.nodes[begin..];
+        let count = stretch.windows(2).take_while(|ends| ends[0].station <= to).count();
+        let spans = || stretch.windows(2).take(count);
+        let to_middle = |ends: &[PathNode]| middle(&ends[0], &ends[1]).distance_squared(point);
         // The likeliest span first: it bounds the search in the others.
-        if let Some(likeliest) = least(reachable.iter().map(to_middle)) {
+        if let Some(likeliest) = least(spans().map(to_middle)) {
+            let nearest_of = |index: usize| {
+                let (from, to) = (&stretch[index], &stretch[index + 1]);
+                let span = CubicSpan::between(from, to);
+                span.nearest(point - middle(from, to), from, to)
+            };
             let (distance_squared, nearest) = nearest_of(likeliest);
             best.offer(distance_squared, nearest, forward);
-            for (index, place) in reachable.iter().enumerate() {
-                let reach = best.within_m + place.reach_m;
-                if index != likeliest && to_middle(place) <= reach * reach {
+            for (index, ends) in spans().enumerate() {
+                if index != likeliest && may_be_within(&ends[0], &ends[1], point, best.within_m) {
                     let (distance_squared, nearest) = nearest_of(index);
                     best.offer(distance_squared, nearest, forward);
                 }
             }
         }
         let is_one = self.nodes.len() == 1;
-        if is_one || (first_station >= from && first.ahead_of(point) < 0.0) {
-            let curvature = self.nodes.get(1).map_or(0.0, |second| second.span.curvature);
-            let nearest = extension(first, first_station, curvature, point);
+        if is_one || (first.station >= from && first.ahead_of(point) < 0.0) {
+            let curvature = self
+                .nodes
+                .get(1)
+                .map_or(0.0, |second| CubicSpan::between(first, second).curvature(first, second));
+            let nearest = extension(first, curvature, point);
             best.offer(nearest.path_to_left_m * nearest.path_to_left_m, nearest, forward);
         }
-        if !is_one && last_station <= to && last.ahead_of(point) > 0.0 {
-            let nearest = extension(last, last_station, last.span.curvature, point);
+        if !is_one && last.station <= to && last.ahead_of(point) > 0.0 {
+            let before = &self.nodes[self.nodes.len() - 2];
+            let nearest = extension(last, CubicSpan::between(before, last).curvature(before, last), point);
             best.offer(nearest.path_to_left_m * nearest.path_to_left_m, nearest, forward);
         }
         best.nearest
@@ -222,6 +203,27 @@ impl PathNode {
     fn ahead_of(&self, point: DVec2) -> f64 {
         (point - self.pose.position).dot(self.forward)
     }
+}
+
+/// Of the chord between two nodes.
+fn middle(from: &PathNode, to: &PathNode) -> DVec2 {
+    from.pose.position + (to.pose.position - from.pose.position) / 2.0
+}
+
+/// Whether the span between two nodes may have a point within a distance of `point`: false only where it certainly has none,
+/// by the plane across each end of its chord and by the circle around its middle. Neither root nor quotient.
+fn may_be_within(from: &PathNode, to: &PathNode, point: DVec2, within_m: f64) -> bool {
+    let within_m = within_m + ROUNDING_M;
+    // A bound on the distance of the cubic from the middle of its chord: even at the largest slopes it stays within a third of
+    // the chord's length of the chord, and the chord is no longer than the arc.
+    let reach_m = within_m + (0.5 + 1.0 / 3.0) * (to.station - from.station);
+    if middle(from, to).distance_squared(point) > reach_m * reach_m {
+        return false;
+    }
+    let chord = to.pose.position - from.pose.position;
+    // Over the length of the chord; positive outside.
+    let outside = (point - to.pose.position).dot(chord).max((from.pose.position - point).dot(chord));
+    outside <= 0.0 || outside * outside <= within_m * within_m * chord.length_squared()
 }
 
 /// Index of the first of the least numbers.
@@ -246,7 +248,7 @@ pub(super) fn angle_between(from: DVec2, to: DVec2) -> f64 {
 }
 
 /// The nearest point on the circular or straight extension of a node.
-fn extension(node: &PathNode, station: f64, curvature: f64, point: DVec2) -> NearestPoint {
+fn extension(node: &PathNode, curvature: f64, point: DVec2) -> NearestPoint {
     let offset = point - node.pose.position;
     let (ahead, left) = (offset.dot(node.forward), offset.dot(node.forward.perp()));
     let (along, tangent, to_left) = if curvature.abs() < 1e-6 {
@@ -258,59 +260,46 @@ fn extension(node: &PathNode, station: f64, curvature: f64, point: DVec2) -> Nea
         let unit = from_centre / distance.max(1e-12);
         (turn / curvature, node.forward * unit.y + node.forward.perp() * unit.x, (distance - 1.0) / curvature)
     };
-    NearestPoint { station: station + along, tangent, curvature, path_to_left_m: to_left }
+    NearestPoint { station: node.station + along, tangent, curvature, path_to_left_m: to_left }
 }
 
 /// A cubic Hermite span between two poses.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug)]
 struct CubicSpan {
     /// Unit vector.
     chord: DVec2,
     chord_length: f64,
     /// End slopes relative to the chord.
     slopes: [f64; 2],
-    curvature: f64,
+    /// Whether the headings at its ends are those of the poses.
+    has_headings: bool,
 }
 
-/// A span, and what is kept of it elsewhere.
-struct Between {
-    span: CubicSpan,
-    middle: DVec2,
-    length_m: f64,
-}
-
-impl Between {
-    fn nodes(from: &PathNode, to: &PathNode) -> Self {
+impl CubicSpan {
+    fn between(from: &PathNode, to: &PathNode) -> Self {
         let offset = to.pose.position - from.pose.position;
         let chord_length = offset.length().max(1e-9);
         let chord = offset / chord_length;
         let cosines = [from.forward.dot(chord), to.forward.dot(chord)];
-        let usable = cosines.iter().all(|cosine| *cosine > LEAST_COSINE);
-        let (slopes, turn) = if usable {
-            let slopes = [chord.perp_dot(from.forward) / cosines[0], chord.perp_dot(to.forward) / cosines[1]];
-            (slopes, wrap_angle(to.pose.yaw_rad - from.pose.yaw_rad))
+        let has_headings = cosines.iter().all(|cosine| *cosine > LEAST_COSINE);
+        let slopes = if has_headings {
+            [chord.perp_dot(from.forward) / cosines[0], chord.perp_dot(to.forward) / cosines[1]]
         } else {
-            ([0.0; 2], 0.0)
+            [0.0; 2]
         };
-        let [a, b] = slopes;
-        // Arc length of the cubic to second order.
-        let length = chord_length * (1.0 + (2.0 * a * a + 2.0 * b * b - a * b) / 30.0);
-        let curvature = (turn / length).clamp(-MAX_CURVATURE, MAX_CURVATURE);
-        let middle = from.pose.position + offset / 2.0;
-        let span = CubicSpan { chord, chord_length, slopes, curvature };
-        Self { span, middle, length_m: length }
+        Self { chord, chord_length, slopes, has_headings }
     }
 
-    fn place(&self, station: f64) -> SpanPlace {
-        SpanPlace { station, middle: self.middle, reach_m: self.span.reach() }
+    /// Arc length to second order.
+    fn length(&self) -> f64 {
+        let [a, b] = self.slopes;
+        self.chord_length * (1.0 + (2.0 * a * a + 2.0 * b * b - a * b) / 30.0)
     }
-}
 
-impl CubicSpan {
-    /// Bound on the distance of the cubic from the midpoint of its chord: even at the largest slopes it stays
-    /// within a third of the chord's length of the chord.
-    fn reach(&self) -> f64 {
-        self.chord_length * (0.5 + 1.0 / 3.0)
+    /// Mean curvature, for the nodes at its ends.
+    fn curvature(&self, from: &PathNode, to: &PathNode) -> f64 {
+        let turn = if self.has_headings { wrap_angle(to.pose.yaw_rad - from.pose.yaw_rad) } else { 0.0 };
+        (turn / self.length()).clamp(-MAX_CURVATURE, MAX_CURVATURE)
     }
 
     /// Lateral offset over the chord's length, and slope, at a share of the chord.
@@ -320,9 +309,8 @@ impl CubicSpan {
         (a * u * w * w - b * u * u * w, a * w * (1.0 - 3.0 * u) + b * u * (3.0 * u - 2.0))
     }
 
-    /// Squared distance to the nearest point, and that point; stations are those of the ends, the offset is that of the query
-    /// point from the middle.
-    fn nearest(&self, offset: DVec2, from: f64, to: f64) -> (f64, NearestPoint) {
+    /// Squared distance to the nearest point, and that point; the offset is that of the query point from the middle.
+    fn nearest(&self, offset: DVec2, from: &PathNode, to: &PathNode) -> (f64, NearestPoint) {
         let local = offset / self.chord_length;
         let (x, y) = (0.5 + local.dot(self.chord), local.dot(self.chord.perp()));
         let mut u = x.clamp(0.0, 1.0);
@@ -334,9 +322,9 @@ impl CubicSpan {
         let miss = DVec2::new(u - x, offset - y) * self.chord_length;
         let tangent = DVec2::new(1.0, slope) / (1.0 + slope * slope).sqrt();
         let nearest = NearestPoint {
-            station: from + u * (to - from),
+            station: from.station + u * (to.station - from.station),
             tangent: self.chord * tangent.x + self.chord.perp() * tangent.y,
-            curvature: self.curvature,
+            curvature: self.curvature(from, to),
             path_to_left_m: tangent.perp_dot(miss),
         };
         (miss.length_squared(), nearest)
@@ -380,7 +368,7 @@ mod tests {
         let mut path = circle(0.01, 200);
         let whole = path.clone();
         path.keep(3.0, 15.0);
-        assert!(path.nodes.len() < 40 && path.places[0].station >= 3.0 && path.end() <= 15.0);
+        assert!(path.nodes.len() < 40 && path.nodes[0].station >= 3.0 && path.end() <= 15.0);
         for k in 4..14 {
             let (sin, cos) = trig::sin_cos(0.1 * f64::from(k));
             let near = |path: &Path| {

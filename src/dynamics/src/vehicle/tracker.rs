@@ -23,6 +23,8 @@ const SPOT_M: f64 = 0.1;
 /// Search window around the last station.
 const SEARCH_BEHIND_M: f64 = 4.0;
 const SEARCH_AHEAD_M: f64 = 8.0;
+/// A search seldom reads more nodes of a path.
+const SEARCHED_NODES: usize = 16;
 /// Speed below which it counts as stopped.
 const STANDING_MPS: f64 = 0.1;
 /// Desired speed below which it should stop.
@@ -178,6 +180,14 @@ impl Tracker {
             self.waypoints.push(waypoint(point, station));
         }
         hash
+    }
+
+    /// Reads what [`Self::step`] or, with `whole`, [`Self::follow`] reads of its path, and nothing else: while others are worked
+    /// on, it comes to the processor's cache.
+    pub fn fetch(&self, whole: bool) {
+        let most = if whole { usize::MAX } else { SEARCHED_NODES };
+        let waypoints = self.waypoints.iter().step_by(2).map(|waypoint| waypoint.time_s);
+        std::hint::black_box(self.path.stations().take(most).chain(waypoints).sum::<f64>());
     }
 
     /// Link loss: brakes to a stop along the last path, at no more than 5 m/s2, until the next trajectory.

@@ -195,6 +195,9 @@ impl Demand {
 
     /// Whether a vehicle has left the city, so that late measurements of it do not count.
     pub fn has_left(&self, id: VehicleId) -> bool {
+        if self.is_idle {
+            return false;
+        }
         let arrival = || Some(self.states[index_of(&self.arrivals, id)?]);
         let state = self.planned.get(&id).map_or_else(arrival, |(_, state)| *state);
         state == Some(ArrivalState::Left)

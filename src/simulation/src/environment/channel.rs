@@ -19,6 +19,11 @@ const ROUNDING_S: f64 = 1e-9;
 impl<T> DelayQueue<T> {
     /// Sends an item that arrives at `at_s`.
     pub fn send(&mut self, at_s: f64, item: T) {
+        // Most items come after all others.
+        if self.in_transit.last().is_none_or(|(last_s, _)| *last_s <= at_s) {
+            self.in_transit.push((at_s, item));
+            return;
+        }
         let place = self.in_transit.partition_point(|(other_s, _)| *other_s <= at_s);
         self.in_transit.insert(place, (at_s, item));
     }

@@ -194,6 +194,9 @@ impl Environment {
 
     /// Applies the lag and the speed disturbance of a robot to its trajectory.
     fn disturbed(&mut self, message: Message, now_s: f64) -> Message {
+        if self.spec.actuator_lag_s == 0.0 && self.spec.speed_disturbance <= 0.0 {
+            return message;
+        }
         let Message::Follow(mut trajectory) = message else { return message };
         let factor = 1.0 + self.disturbance(trajectory.vehicle, now_s);
         for point in &mut trajectory.points {

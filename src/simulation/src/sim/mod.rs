@@ -222,8 +222,8 @@ impl World {
     /// Gives vehicles their trajectories, which are in the order of ids.
     fn follow_all(&mut self, trajectories: &[&Trajectory]) {
         let (time_s, timeout_s) = (self.time_s(), self.experiment.link_timeout_s);
-        self.experiment.workers.each(&mut self.state.vehicles, |_, vehicle| {
-            follow_own(vehicle, trajectories, time_s, timeout_s);
+        self.experiment.workers.each(&mut self.state.vehicles, |index, vehicle| {
+            follow_own((index, vehicle), trajectories, time_s, timeout_s);
         });
     }
 

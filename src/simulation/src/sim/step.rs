@@ -3,7 +3,7 @@
 //! A vehicle that is near no other goes through all of its step at once, while it is in the processor's cache: it takes its
 //! trajectory, decides, moves and describes itself. For the others the physics moves the bodies in between.
 
-use super::collision::Place;
+use super::collision::{Collisions, Place};
 use super::vehicle::SimVehicle;
 use super::{World, WorldState};
 use city3d_dynamics::physics::{Impetus, Physics};
@@ -59,22 +59,9 @@ impl World {
         sequels.resize_with(vehicles.len(), || None);
         let before = &*collisions;
         places.resize(vehicles.len(), Place::default());
-        let begin = |vehicle: &mut SimVehicle, physics: &Physics, place: &mut Place, sequel: &mut Sequel| {
-            follow_own(vehicle, trajectories, times.before_s, times.link_timeout_s);
-            let mut events = [Vec::new(), Vec::new()];
-            let impetus =
-                vehicle.actuate(physics, times.before_s, times.dt_s, times.link_timeout_s, &mut events[0]);
-            let is_over = impetus.as_ref().is_some_and(|impetus| vehicle.advance(physics, impetus));
-            if is_over {
-                vehicle.read_back(physics, (times.after_s, times.dt_s), before, &mut events[1]);
-                *place = vehicle.place(times.dt_s);
-            }
-            if !is_over || events.iter().any(|events| !events.is_empty()) {
-                *sequel = Some(Box::new(StepSequel { is_over, impetus, events }));
-            }
-        };
-        workers.each_of_three((vehicles, places, sequels), |_, vehicle, place, sequel| {
-            begin(vehicle, physics, place, sequel);
+        let beginning = Beginning { physics, trajectories, times, contacts: before };
+        workers.each_group_of_three((vehicles, places, sequels), |first, vehicles, places, sequels| {
+            beginning.begin(first, vehicles, places, sequels);
         });
 
         let of_few =
@@ -116,15 +103,91 @@ impl World {
     }
 }
 
-/// Gives a vehicle its own of many trajectories, which are in the order of ids.
+/// So many bodies move side by side.
+const SIDE_BY_SIDE: usize = 4;
+
+/// The part of a step before the physics, which is all of it for vehicles whose bodies are free.
+struct Beginning<'s> {
+    physics: &'s Physics,
+    /// In the order of ids.
+    trajectories: &'s [&'s Trajectory],
+    times: StepTimes,
+    contacts: &'s Collisions,
+}
+
+impl Beginning<'_> {
+    /// Of neighbours in the list of vehicles, the first of which has an index. What a vehicle reads is fetched while the ones
+    /// before it are worked on: of thousands none is at hand.
+    fn begin(&self, first: usize, vehicles: &mut [SimVehicle], places: &mut [Place], sequels: &mut [Sequel]) {
+        self.fetch(first, &vehicles[..SIDE_BY_SIDE.min(vehicles.len())]);
+        let mut index = first;
+        let (mut places, mut sequels) = (places.chunks_mut(SIDE_BY_SIDE), sequels.chunks_mut(SIDE_BY_SIDE));
+        let mut rest = vehicles;
+        while let (Some(places), Some(sequels)) = (places.next(), sequels.next()) {
+            let (group, next) = rest.split_at_mut(places.len());
+            self.fetch(index + group.len(), &next[..SIDE_BY_SIDE.min(next.len())]);
+            self.begin_side_by_side(index, group, places, sequels);
+            (index, rest) = (index + places.len(), next);
+        }
+    }
+
+    fn fetch(&self, first: usize, vehicles: &[SimVehicle]) {
+        for (k, vehicle) in vehicles.iter().enumerate() {
+            let own = self.trajectories.get(first + k);
+            vehicle.fetch(own.is_some());
+            // With one for each vehicle, it is its own.
+            let points = own.map_or(&[][..], |trajectory| &trajectory.points);
+            std::hint::black_box(points.iter().map(|point| point.time_s).sum::<f64>());
+        }
+    }
+
+    /// Of at most [`SIDE_BY_SIDE`].
+    fn begin_side_by_side(
+        &self,
+        first: usize,
+        vehicles: &mut [SimVehicle],
+        places: &mut [Place],
+        sequels: &mut [Sequel],
+    ) {
+        let StepTimes { before_s, after_s, dt_s, link_timeout_s } = self.times;
+        let mut events: [[Vec<Event>; 2]; SIDE_BY_SIDE] = Default::default();
+        let mut impetus = [None; SIDE_BY_SIDE];
+        for (k, vehicle) in vehicles.iter_mut().enumerate() {
+            follow_own((first + k, vehicle), self.trajectories, before_s, link_timeout_s);
+            impetus[k] = vehicle.actuate(self.physics, before_s, dt_s, link_timeout_s, &mut events[k][0]);
+        }
+        let mut bodies = vehicles.iter_mut().zip(&impetus);
+        let is_over = self.physics.advance(std::array::from_fn::<_, SIDE_BY_SIDE, _>(|_| {
+            let (vehicle, impetus) = bodies.next()?;
+            vehicle.free_body_mut().zip(*impetus)
+        }));
+        for (k, ((vehicle, place), sequel)) in vehicles.iter_mut().zip(places).zip(sequels).enumerate() {
+            if is_over[k] {
+                vehicle.read_back(self.physics, (after_s, dt_s), self.contacts, &mut events[k][1]);
+                *place = vehicle.place(dt_s);
+            }
+            if !is_over[k] || events[k].iter().any(|events| !events.is_empty()) {
+                let events = std::mem::take(&mut events[k]);
+                *sequel = Some(Box::new(StepSequel { is_over: is_over[k], impetus: impetus[k], events }));
+            }
+        }
+    }
+}
+
+/// Gives the vehicle at an index its own of many trajectories, which are in the order of ids.
 pub(super) fn follow_own(
-    vehicle: &mut SimVehicle,
+    (index, vehicle): (usize, &mut SimVehicle),
     trajectories: &[&Trajectory],
     time_s: f64,
     timeout_s: f64,
 ) {
     let id = vehicle.state.id;
-    let first = trajectories.partition_point(|trajectory| trajectory.vehicle < id);
+    // As a rule each vehicle has one.
+    let is_before = |trajectory: &&Trajectory| trajectory.vehicle < id;
+    let is_there = index <= trajectories.len()
+        && trajectories[..index].last().is_none_or(is_before)
+        && trajectories.get(index).is_none_or(|trajectory| !is_before(trajectory));
+    let first = if is_there { index } else { trajectories.partition_point(is_before) };
     for trajectory in trajectories[first..].iter().take_while(|trajectory| trajectory.vehicle == id) {
         vehicle.follow(trajectory, time_s, timeout_s);
     }

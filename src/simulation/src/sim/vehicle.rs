@@ -2,7 +2,7 @@
 
 use super::collision::{Collisions, Place};
 use crate::scenario::Experiment;
-use city3d_dynamics::physics::{BodyId, BodyState, Impetus, Physics};
+use city3d_dynamics::physics::{BodyId, BodyState, FreeBody, Impetus, Physics};
 use city3d_dynamics::vehicle::{
     Actuation, Dynamics, Motion, Tracker, VehicleModel, VehicleSpec, clears_ground,
 };
@@ -138,9 +138,14 @@ impl SimVehicle {
         }
     }
 
-    /// Advances its body by one step if it is free and has a finite motion. Whether it did.
-    pub fn advance(&mut self, physics: &Physics, impetus: &Impetus) -> bool {
-        self.dynamics.advance(physics, impetus)
+    /// Its body while that moves by itself.
+    pub fn free_body_mut(&mut self) -> Option<&mut FreeBody> {
+        self.dynamics.free_body_mut()
+    }
+
+    /// Brings what the next step reads of its path to the processor's cache; of all of it, where a trajectory has come.
+    pub fn fetch(&self, has_trajectory: bool) {
+        self.tracker.fetch(has_trajectory);
     }
 
     /// Where it is. Its body needs the physics in any case where it may come down on the ground.
@@ -155,7 +160,7 @@ impl SimVehicle {
             margin_m: NEAR_M + kept_m + 2.0 * dt_s * self.state.speed_mps.abs(),
             gives_way: self.dynamics.gives_way(),
             is_held,
-            is_near: !clears_ground(&self.spec, &self.motion(), dt_s),
+            is_near: !clears_ground(&self.spec, &Motion::of(&self.state), dt_s),
         }
     }
 
@@ -253,7 +258,7 @@ impl SimVehicle {
         events: &mut Vec<Event>,
     ) -> Option<Impetus> {
         self.watch_link(time_s, link_timeout_s, events);
-        let tracking = self.tracker.step(&self.spec, &self.motion(), time_s, dt_s);
+        let tracking = self.tracker.step(&self.spec, &Motion::of(&self.state), time_s, dt_s);
         self.state.lateral_error_m = tracking.lateral_error_m;
         let actuation = match self.driver {
             DriveMode::Human(pedals) => {
@@ -322,21 +327,6 @@ impl SimVehicle {
         self.describe(&motion);
         self.note_standing(time_s, events);
         self.note_status(before, time_s, events);
-    }
-
-    /// Its last motion: its state has all of it.
-    fn motion(&self) -> Motion {
-        let state = &self.state;
-        Motion {
-            position: state.position,
-            orientation: state.orientation,
-            velocity_mps: state.velocity_mps,
-            speed_mps: state.speed_mps,
-            acceleration_mps2: state.acceleration_mps2,
-            yaw_rate_radps: state.yaw_rate_radps,
-            steering_rad: state.steering_rad,
-            wheels: state.wheels,
-        }
     }
 
     fn describe(&mut self, motion: &Motion) {
