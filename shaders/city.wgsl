@@ -335,13 +335,17 @@ fn vertex_lit_line_fragment(in: VertexLitLine) -> @location(0) vec4<f32> {
     return vertex_lit_shade(VertexLit(in.clip, in.ambient, in.direct, in.uv, 0u), albedo, vec3<f32>(0.0));
 }
 
-// Far away a texture shows only its mean, the last mipmap.
+// Far away a texture shows only its mean, the last mipmap: the root of its albedo.
+fn mean_texel(layer: u32) -> vec4<f32> {
+    return textureLoad(surfaces, vec2<i32>(0), layer, textureNumLevels(surfaces) - 1u);
+}
+
 fn untextured_of(in: VertexIn) -> Untextured {
     let layer = in.material & 0xffu;
     var albedo = vertex_colour(in.colour.rgb);
     var glow = vec3<f32>(0.0);
     if !flat_light {
-        let mean = textureLoad(surfaces, vec2<i32>(0), layer, textureNumLevels(surfaces) - 1u);
+        let mean = mean_texel(layer);
         albedo *= mean.rgb * mean.rgb;
         glow = select(vec3<f32>(0.0), emission(layer, 0u, in.uv, mean), layer == LANTERN);
     }
@@ -369,4 +373,29 @@ fn flat_vertex(in: VertexIn) -> Flat {
 fn instanced_flat_vertex(in: VertexIn, at: Placement) -> Flat {
     let lit = untextured_of(placed(in, at));
     return Flat(lit.clip, lit.colour);
+}
+
+// Ground too far away to show its texture, but not its shadows.
+struct Plain {
+    @builtin(position) clip: vec4<f32>,
+    @location(0) ambient: vec4<f32>,
+    @location(1) direct: vec4<f32>,
+    // In the shadow map or the light map of lamps.
+    @location(2) uv: vec2<f32>,
+}
+
+@vertex
+fn plain_vertex(in: VertexIn) -> Plain {
+    let layer = in.material & 0xffu;
+    let mean = mean_texel(layer);
+    let albedo = linear_from_srgb(in.colour.rgb) * mean.rgb * mean.rgb;
+    let material = wet_material(Material(albedo, 0.0, in.colour.a), wetness(layer, in.normal.z));
+    let light = light_vertex(material, in.position, in.normal.xyz, vec3<f32>(0.0));
+    return Plain(light.clip, light.ambient, light.direct, light.uv.xy);
+}
+
+@fragment
+fn plain_fragment(in: Plain) -> @location(0) vec4<f32> {
+    let light = VertexLit(in.clip, in.ambient, in.direct, vec4<f32>(in.uv, 0.0, 0.0), 0u);
+    return vertex_lit_shade(light, vec3<f32>(1.0), vec3<f32>(0.0));
 }

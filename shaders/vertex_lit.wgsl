@@ -96,13 +96,27 @@ struct Flat {
     @location(0) @interpolate(flat) colour: vec3<f32>,
 }
 
+// Shadow map lookup at a vertex: the nearest texel alone, for what is interpolated over a face.
+fn vertex_visibility(light: VertexLit) -> f32 {
+    let texels = vec2<i32>(textureDimensions(shadow_map));
+    let at = clamp(vec2<i32>(light.uv.xy * vec2<f32>(texels)), vec2<i32>(0), texels - 1);
+    return select(0.0, 1.0, light.direct.w <= textureLoad(shadow_map, at, 0));
+}
+
 fn light_untextured(m: Material, world: vec3<f32>, normal: vec3<f32>, glow: vec3<f32>) -> Untextured {
     if flat_light {
         let light = SKY_LIGHT.rgb + SUN.rgb * max(dot(normal, TO_SUN), 0.0);
         return Untextured(view.clip_from_world * vec4<f32>(world, 1.0), m.albedo * light);
     }
     let light = light_vertex(m, world, normal, glow);
-    return Untextured(light.clip, vertex_lit_shade(light, vec3<f32>(1.0), vec3<f32>(0.0)).rgb);
+    var colour: vec3<f32>;
+    if lamplit {
+        colour = vertex_lit_shade(light, vec3<f32>(1.0), vec3<f32>(0.0)).rgb;
+    } else {
+        let lit = vec3<f32>(vertex_visibility(light));
+        colour = vertex_lit_color(light, vec3<f32>(1.0), lit, vec3<f32>(0.0)).rgb;
+    }
+    return Untextured(light.clip, colour);
 }
 
 @fragment

@@ -66,6 +66,8 @@ pub(super) struct DeviceRenderer {
     /// Made at the first overlay of a target.
     overlay: Option<OverlayPass>,
     static_scene: StaticScene,
+    /// Of the last batch.
+    index_lists: IndexLists,
     fleet: FleetRenderer,
     gpu_timer: Option<GpuTimer>,
     /// Uniforms of the frame apart from the time.
@@ -166,6 +168,7 @@ impl DeviceRenderer {
             ground_truth: None,
             overlay: None,
             static_scene: StaticScene::new(device, geometry),
+            index_lists: IndexLists::default(),
             fleet: FleetRenderer::new(device, settings.flat.is_none(), attachments.has_clear_glass()),
             gpu_timer: None,
             context: context.clone(),
@@ -486,7 +489,8 @@ impl DeviceRenderer {
 
     /// Culls the static scene and the vehicles for each view and uploads the index lists.
     fn cull_views(&mut self, views: &[View]) -> Vec<VisibleSet> {
-        let mut lists = IndexLists::default();
+        let mut lists = std::mem::take(&mut self.index_lists);
+        lists.clear();
         let device = &self.context.device;
         let own: Vec<Option<OwnVehicle>> =
             views.iter().map(|view| self.fleet.own_vehicle(device, view)).collect();
@@ -497,6 +501,7 @@ impl DeviceRenderer {
         };
         self.triangles = visible.iter().map(count).sum::<u64>() / (visible.len() as u64).max(1);
         self.static_scene.upload(&self.context.device, &self.context.queue, &lists);
+        self.index_lists = lists;
         visible
     }
 

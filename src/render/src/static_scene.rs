@@ -20,6 +20,9 @@ use std::sync::Arc;
 /// Size of the features of most textures, and the pixels that a feature must cover to be worth a texture.
 const PATTERN_M: f32 = 0.25;
 const MIN_PATTERN_PX: f32 = 6.0;
+/// The same of the ground along the line of sight, seen at a grazing angle: height of the eye over the distance at most.
+const MIN_GROUND_PATTERN_PX: f32 = 2.0;
+const MOST_GRAZING: f32 = 0.35;
 
 /// Grid of the corners of triangles on every adapter, pixels, and the least height of a step in the ground, metres.
 const SUBPIXEL: f32 = 1.0 / 256.0;
@@ -156,6 +159,12 @@ impl DrawList {
 }
 
 impl IndexLists {
+    /// Empties the lists and keeps their memory for the next batch.
+    pub(super) fn clear(&mut self) {
+        self.segments.truncate(1);
+        self.segments.iter_mut().for_each(Vec::clear);
+    }
+
     /// Appends indices into the vertices of a chunk, to the last draw call where it goes on.
     fn append<'i>(&mut self, list: &mut DrawList, chunk: usize, clusters: impl Iterator<Item = &'i [u32]>) {
         if self.segments.last().is_none_or(|segment| segment.len() > SEGMENT_LEN) {
@@ -211,6 +220,8 @@ pub(super) struct VisibleRanges {
     /// Pieces too far away to show their texture.
     pub(super) untextured: DrawList,
     pub(super) ground: DrawList,
+    /// Ground too far away to show its texture; empty unless [`TextureDetail::Near`].
+    pub(super) plain_ground: DrawList,
     pub(super) lines: DrawList,
     /// Models of the map, front to back.
     pub(super) instances: Vec<VisibleInstance>,
@@ -222,11 +233,14 @@ impl VisibleRanges {
         [&self.untextured, &self.bucket, &self.objects]
     }
 
+    /// Ground of all pipelines.
+    pub(super) fn all_ground(&self) -> [&DrawList; 2] {
+        [&self.ground, &self.plain_ground]
+    }
+
     fn triangles(&self) -> u64 {
-        [&self.objects, &self.bucket, &self.untextured, &self.ground, &self.lines]
-            .into_iter()
-            .map(DrawList::triangles)
-            .sum()
+        let lists = self.all_objects().into_iter().chain(self.all_ground()).chain([&self.lines]);
+        lists.map(DrawList::triangles).sum()
     }
 }
 
@@ -329,14 +343,20 @@ impl StaticScene {
             visible.iter().partition(|piece| piece.is_untextured);
         let (mut ground, lines) =
             (cull.visible_ground(&self.pieces.ground), cull.visible_pieces(&self.pieces.lines));
-        if cull.texture_detail == TextureDetail::None {
-            untextured.append(&mut ground);
+        let mut plain_ground = Vec::new();
+        match cull.texture_detail {
+            TextureDetail::All => {}
+            TextureDetail::Near => {
+                (plain_ground, ground) = ground.into_iter().partition(|piece| piece.is_untextured);
+            }
+            TextureDetail::None => untextured.append(&mut ground),
         }
         VisibleRanges {
             untextured: self.append_indices(cull, &untextured, PieceLod::all, index_lists),
             objects: self.append_indices(cull, &objects, |level| level.main.iter(), index_lists),
             bucket: self.append_indices(cull, &objects, |level| level.bucket.iter(), index_lists),
             ground: self.append_indices(cull, &ground, PieceLod::all, index_lists),
+            plain_ground: self.append_indices(cull, &plain_ground, PieceLod::all, index_lists),
             lines: self.append_indices(cull, &lines, PieceLod::all, index_lists),
             instances: self.instanced.visible(cull),
         }
@@ -457,7 +477,15 @@ impl CullContext<'_> {
         let level = if is_hidden { levels.last() } else { levels.get(self.lod(levels, 1.0, distance_m)) };
         let visible = self.visible_piece(piece, distance_m, level?);
         let slack_m = self.edge_on_slack_m(visible.reach_m);
-        Some(VisiblePiece { slack_m, is_untextured: is_hidden || visible.is_untextured, ..visible })
+        let is_untextured = is_hidden || self.is_plain_ground(*bounds, distance_m);
+        Some(VisiblePiece { slack_m, is_untextured, ..visible })
+    }
+
+    /// Whether the texture of a piece of the ground is too fine to be seen, foreshortened as it is.
+    fn is_plain_ground(&self, [_, high]: [Vec3; 2], distance_m: f32) -> bool {
+        let slope = (self.eye.z - high.z).abs() / distance_m;
+        let pattern_px = slope * self.pixel_scale.projected_px(PATTERN_M, distance_m);
+        self.is_perspective && slope < MOST_GRAZING && pattern_px < MIN_GROUND_PATTERN_PX
     }
 
     /// How far behind the plane of a face of the ground an eye may be that still has to draw it. The adapter moves corners to

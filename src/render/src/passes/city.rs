@@ -76,6 +76,8 @@ struct VertexLitPipelines {
     lines: wgpu::RenderPipeline,
     /// Pieces too far away to show their texture.
     untextured: wgpu::RenderPipeline,
+    /// Ground too far away to show its texture: with shadows.
+    plain: wgpu::RenderPipeline,
 }
 
 /// Pipelines of the map's models: those of the city, with a [`gpu_data::Placement`].
@@ -186,6 +188,7 @@ impl CityPass {
         let vertex_lit = attachments.vertex_lit.then(|| VertexLitPipelines {
             lines: pipeline(["vertex_lit_line_vertex", "vertex_lit_line_fragment"]),
             untextured: pipeline(attachments.untextured_entries()),
+            plain: pipeline(["plain_vertex", "plain_fragment"]),
         });
         let bucket = match (attachments.vertex_lit, attachments.reflects) {
             (true, _) => ["vertex_lit_vertex", "unlit_fragment"],
@@ -231,6 +234,10 @@ impl CityPass {
         static_scene.draw(pass, &visible.lines);
         pass.set_pipeline(&self.pipeline);
         static_scene.draw(pass, &visible.ground);
+        if let Some(vertex_lit) = &self.vertex_lit {
+            pass.set_pipeline(&vertex_lit.plain);
+            static_scene.draw(pass, &visible.plain_ground);
+        }
     }
 
     fn draw_instances(

@@ -120,7 +120,9 @@ impl GroundTruthPass {
             static_scene.instanced().draw(pass, &visible.ranges.instances, InstancePart::All);
         }
         pass.set_pipeline(&self.ground);
-        static_scene.draw(pass, &visible.ranges.ground);
+        for ground in visible.ranges.all_ground() {
+            static_scene.draw(pass, ground);
+        }
         pass.set_pipeline(&self.lines);
         static_scene.draw(pass, &visible.ranges.lines);
     }
