@@ -129,7 +129,7 @@ impl Folder {
             path: PathBuf::from(name),
             kind: EntryKind::Shipped,
         };
-        shipped_scenarios().map(|name| entry(name)).collect()
+        shipped_scenarios().map(entry).collect()
     }
 
     pub fn read(path: &Path) -> Self {
