@@ -377,7 +377,10 @@ fn followed(ui: &Ui, rect: Rect, state: &UiState, shown: &ViewModel<'_>) {
     let whose = whose_camera(id, state.selection.vehicle, shown);
     let text = format!("{}: {whose}", state.viewpoint.mode.label());
     let painter = ui.painter_at(rect);
-    let text = painter.layout_no_wrap(text, FontId::proportional(13.0), Color32::WHITE);
+    // Beside the map, on two lines where it has to be.
+    let beside = if state.layers.map { super::map::beside(rect) } else { rect };
+    let room = (beside.width() - 48.0).max(100.0);
+    let text = painter.layout(text, FontId::proportional(13.0), Color32::WHITE, room);
     let swatch = text.size().y * 0.7;
     let size = text.size() + egui::vec2(swatch + 6.0, 0.0);
     let place = Align2::LEFT_TOP.anchor_size(rect.left_top() + egui::vec2(14.0, 12.0), size);

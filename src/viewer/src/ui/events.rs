@@ -440,6 +440,8 @@ fn list(
     let present = state.events.current(marks.iter(), at_s);
     let present = present.and_then(|mark| marks.iter().rposition(|other| std::ptr::eq(other, mark)));
     let mut builder = TableBuilder::new(ui)
+        // By itself it is as high as 200 points, beyond the edge of a low panel.
+        .min_scrolled_height(0.0)
         .striped(true)
         .sense(Sense::click())
         .auto_shrink(false)

@@ -189,6 +189,8 @@ fn why(
                 "It has hit something, and stays where it is"
             };
             let (text, other) = collision_words(shown, vehicle.id);
+            let by = if is_by_hand(shown, vehicle.id) { ", driven by hand" } else { "" };
+            let text = format!("{text}{by}");
             return match other {
                 Some(other) => row_with_vehicle(ui, ("Why", &text, tip), other, link),
                 None => row(ui, "Why", &text, tip),
@@ -214,6 +216,14 @@ fn collision_words(shown: &ViewModel<'_>, id: VehicleId) -> (String, Option<Vehi
         _ => "something".to_owned(),
     };
     (format!("collided with {with} at {:.2} s", mark.time_s), other)
+}
+
+/// Whether a person drives a vehicle at the shown time, which a collision hides in its status.
+fn is_by_hand(shown: &ViewModel<'_>, id: VehicleId) -> bool {
+    let until_s = shown.run_state.now.time_s + 1e-6;
+    let mut so_far = shown.events.iter().rev().filter(|mark| mark.vehicle == id && mark.time_s <= until_s);
+    let change = so_far.find(|mark| matches!(mark.what, Occurrence::TakeOver | Occurrence::GiveBack));
+    change.is_some_and(|mark| mark.what == Occurrence::TakeOver)
 }
 
 /// The last collision of a vehicle up to the shown time, and the vehicle that it was with; `None` for what is no vehicle.

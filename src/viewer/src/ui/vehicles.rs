@@ -345,6 +345,8 @@ fn grid(
     // Whole rows: half a one at the edge looks as if the timeline covered it.
     let whole_rows = ((ui.available_height() - line) / line).floor().max(1.0);
     let mut builder = TableBuilder::new(ui)
+        // By itself it is as high as 200 points, beyond the edge of a low panel.
+        .min_scrolled_height(0.0)
         .striped(true)
         .max_scroll_height(whole_rows * line - gap)
         // All rows are one stop of the Tab key.

@@ -84,6 +84,27 @@ fn a_list_opens_below_the_table_and_covers_nothing() {
     assert!(harness.state().state.open.events, "Escape closes what lies over the city, not what is docked");
 }
 
+/// As at 150 %: a list that is lower than the usual least height of one.
+#[test]
+fn in_a_low_panel_a_list_is_scrolled_to_its_last_row() {
+    let mut harness = with(6);
+    harness.set_size(vec2(853.0, 480.0));
+    press(&mut harness, Key::F3);
+    harness.run_steps(4);
+    let edge = title(&harness, "Events").top();
+    harness.hover_at(harness.get_all_by_label("car1").next().unwrap().rect().center());
+    harness.run_steps(2);
+    for _ in 0..10 {
+        let (unit, delta) = (egui::MouseWheelUnit::Point, vec2(0.0, -60.0));
+        let (phase, source) = (egui::TouchPhase::Move, egui::MouseWheelSource::Unknown);
+        let modifiers = egui::Modifiers::default();
+        harness.event(egui::Event::MouseWheel { unit, delta, modifiers, phase, source });
+        harness.run_steps(8);
+    }
+    let last = harness.get_all_by_label("car6").next().unwrap().rect();
+    assert!(last.bottom() <= edge, "{last:?} above {edge}");
+}
+
 #[test]
 fn a_panel_is_moved_by_its_title_and_restored() {
     let mut harness = with(6);

@@ -201,6 +201,8 @@ fn table(
 ) {
     let decimal = preferences.decimal;
     let mut builder = TableBuilder::new(ui)
+        // By itself it is as high as 200 points, beyond the edge of a low panel.
+        .min_scrolled_height(0.0)
         .striped(true)
         .auto_shrink(false)
         .cell_layout(Layout::left_to_right(Align::Center))
