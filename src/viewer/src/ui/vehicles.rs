@@ -188,7 +188,7 @@ pub fn height_of(rows: usize) -> f32 {
 /// Room for the number of rows, points.
 const COUNT_WIDTH: f32 = 88.0;
 /// Column widths of usual texts, points.
-const WIDTHS: [f32; 7] = [40.0, 54.0, 54.0, 76.0, 46.0, 46.0, 50.0];
+const WIDTHS: [f32; 7] = [40.0, 52.0, 54.0, 76.0, 47.0, 47.0, 50.0];
 /// Weights by which columns share the remaining width.
 const SHARES: [f32; 7] = [0.0, 3.0, 2.0, 1.0, 1.0, 1.0, 1.0];
 
