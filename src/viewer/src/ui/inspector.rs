@@ -191,6 +191,7 @@ fn why(
             let (text, other) = collision_words(shown, vehicle.id);
             let by = if is_by_hand(shown, vehicle.id) { ", driven by hand" } else { "" };
             let text = format!("{text}{by}");
+            let tip = if by.is_empty() { tip } else { "It has hit something, and a person drives it" };
             return match other {
                 Some(other) => row_with_vehicle(ui, ("Why", &text, tip), other, link),
                 None => row(ui, "Why", &text, tip),

@@ -103,7 +103,7 @@ const ROW_HEIGHT: f32 = 18.0;
 
 /// Shows the window while it is open.
 pub(super) fn window(ui: &Ui, state: &mut UiState, shown: &ViewModel<'_>, actions: &mut Vec<UiAction>) {
-    let preferences = state.preferences;
+    let (preferences, selected) = (state.preferences, state.selection.vehicle);
     let panel = &mut state.runs.comparison;
     if !panel.is_open {
         return;
@@ -131,7 +131,13 @@ pub(super) fn window(ui: &Ui, state: &mut UiState, shown: &ViewModel<'_>, action
                     let is_unread = std::mem::take(&mut panel.is_unread);
                     table(ui, (compared.pairs.as_slice(), is_unread), (preferences, shown.scale()));
                 }
-                ComparisonPage::Curves => curves(ui, &mut panel.curves, shown.runs.curves),
+                ComparisonPage::Curves => {
+                    // At first that of the vehicle that one looks at.
+                    let is_common =
+                        |id: &VehicleId| shown.runs.curves.vehicles.iter().any(|(of, _)| of == id);
+                    panel.curves.vehicle = panel.curves.vehicle.or(selected.filter(is_common));
+                    curves(ui, &mut panel.curves, shown.runs.curves);
+                }
             }
         }
         None => browses = choices(ui, shown, actions),
@@ -280,17 +286,17 @@ fn at_right(ui: &mut Ui, text: RichText) {
 
 /// One quantity of one vehicle in both runs.
 fn curves(ui: &mut Ui, choice: &mut CurveChoice, view: CurvesView<'_>) {
-    if let Some(trouble) = view.trouble {
+    if let Some(trouble) = view.trouble.filter(|_| view.vehicles.is_empty()) {
         ui.label(trouble);
         return;
     }
-    let Some(figure) = view.figure else {
+    if view.figure.is_none() && view.trouble.is_none() {
         ui.horizontal(|ui| {
             ui.spinner();
             ui.label("Both runs are being read ...");
         });
         return;
-    };
+    }
     ui.horizontal(|ui| {
         ComboBox::from_id_salt("curve")
             .selected_text(choice.quantity.label())
@@ -317,7 +323,10 @@ fn curves(ui: &mut Ui, choice: &mut CurveChoice, view: CurvesView<'_>) {
             .response
             .on_hover_text("A vehicle that both runs have");
     });
-    charts::draw_over_time(ui, figure);
+    match (view.figure, view.trouble) {
+        (Some(figure), None) => charts::draw_over_time(ui, figure),
+        (_, trouble) => _ = ui.label(trouble.unwrap_or_default()),
+    }
 }
 
 #[cfg(test)]

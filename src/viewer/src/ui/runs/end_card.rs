@@ -10,9 +10,9 @@ use city3d_protocol::snapshot::{Status, VehicleInfo, VehicleState};
 use city3d_session::{Order, RunPhase};
 use city3d_simulation::environment::EnvironmentProfile;
 use city3d_simulation::measures::TrafficMeasures;
-use egui::collapsing_header::CollapsingState;
 use egui::{Align2, Grid, Rect, RichText, TextEdit, Ui, Vec2};
 use std::path::Path;
+use std::time::Duration;
 
 /// In place of measures that a run does not have.
 const NO_THROUGHPUT: &str = "none: fewer than two arrivals counted";
@@ -22,6 +22,8 @@ const SEED_IS_UNUSED: &str =
     "Nothing is random in this scenario: the seed matters in the testbed environment alone.";
 /// For so many frames it is put to its place: at first it is wider than it will be, and egui would move it.
 const PLACING_FRAMES: u8 = 6;
+/// It looks so often whether the mouse rests.
+const WAITS: Duration = Duration::from_millis(250);
 /// Id of its window.
 const WINDOW: &str = "card of a run";
 /// About its size, points.
@@ -92,13 +94,13 @@ pub(super) fn window(ui: &Ui, state: &mut UiState, shown: &ViewModel<'_>, action
         ui.ctx().memory(|memory| memory.area_rect(egui::Id::unique(WINDOW))).map(|rect| rect.size());
     let size = shown_size.filter(|_| frames > 1).map_or(SIZE, |size| size.max(SIZE));
     let place = (frames < PLACING_FRAMES).then(|| Layout::place_beside(ui, size, (&*state, shown)));
-    if let Some(place) = place.filter(|_| frames == 0) {
-        // Over what the mouse is at work in it shows its title alone: a click was meant for something else.
-        let is_in_the_way = state.layout.is_in_the_way(ui, Rect::from_min_size(place, size));
-        let id = egui::Id::unique(WINDOW).with("collapsing");
-        let mut folding = CollapsingState::load_with_default_open(ui.ctx(), id, true);
-        folding.set_open(is_asked || !is_in_the_way);
-        folding.store(ui.ctx());
+    if let Some(place) = place.filter(|_| frames == 0 && !is_asked) {
+        // It waits until the mouse rests in what it would cover: a click was meant for something else.
+        if state.layout.is_in_the_way(ui, Rect::from_min_size(place, size)) {
+            ui.ctx().request_repaint_after(WAITS);
+            (state.runs.end_card.shown, state.runs.end_card.placed) = (None, None);
+            return;
+        }
     }
     let card = &mut state.runs.end_card;
     let units = state.preferences.units;
