@@ -27,6 +27,8 @@ pub struct LanesUnder {
     is_on_route: bool,
     front_s: f64,
     rear_s: f64,
+    /// Hangs over the beginning or the end of its route.
+    hangs_over: bool,
     /// So many of the lanes are under it; more than there is space for: all of them are looked up again.
     count: usize,
     /// With where they begin along the route.
@@ -36,7 +38,15 @@ pub struct LanesUnder {
 impl Default for LanesUnder {
     fn default() -> Self {
         let lanes = [(LaneId(0), 0.0); 3];
-        Self { is_seen: false, is_on_route: false, front_s: 0.0, rear_s: 0.0, count: 0, lanes }
+        Self {
+            is_seen: false,
+            is_on_route: false,
+            front_s: 0.0,
+            rear_s: 0.0,
+            hangs_over: false,
+            count: 0,
+            lanes,
+        }
     }
 }
 
@@ -48,6 +58,7 @@ impl LanesUnder {
             is_on_route: cav.is_on_route(),
             front_s: cav.front_s(),
             rear_s: cav.rear_s(),
+            hangs_over: cav.rear_s() < 0.0 || cav.front_s() > cav.route.length(),
             ..Self::default()
         };
         if under.is_on_route {
@@ -107,6 +118,25 @@ impl Occupancy {
             } else {
                 lanes_under(&cavs[vehicle]).for_each(add);
             }
+            if under.is_on_route && under.hangs_over {
+                self.add_overhang(map, vehicle, &cavs[vehicle]);
+            }
+        }
+    }
+
+    /// Adds a vehicle that hangs over an end of its route to the lanes that lead to the first of it and from the last:
+    /// those may be on the routes of others.
+    fn add_overhang(&mut self, map: &LabMap, vehicle: usize, cav: &Cav) {
+        let (route, front_s, rear_s) = (&cav.route, cav.front_s(), cav.rear_s());
+        let [Some(&first), Some(&last)] = [route.lanes().first(), route.lanes().last()] else { return };
+        let mut add = |lane, start: f64| {
+            self.add(lane, LaneOccupant { vehicle, front_m: front_s - start, rear_m: rear_s - start });
+        };
+        if rear_s < 0.0 {
+            map.lane(first).predecessors.iter().for_each(|&lane| add(lane, -map.lane(lane).curve.length()));
+        }
+        if front_s > route.length() {
+            map.lane(last).successors.iter().for_each(|&lane| add(lane, route.length()));
         }
     }
 

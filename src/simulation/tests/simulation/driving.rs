@@ -358,6 +358,43 @@ fn a_parked_vehicle_stays_and_others_stop_behind_it() {
 }
 
 #[test]
+fn who_hangs_over_the_beginning_of_its_route_is_seen_from_the_lane_before() {
+    let map = Arc::clone(&shipped("city", ModelKind::Bicycle).experiment().city_map);
+    let lane = map.lane_by_name("south-boulevard/east/outer/1").unwrap();
+    let before = map.lane(lane.predecessors[0]);
+    // The front axle of the obstacle stands on its route, and most of its body on the last lane of the follower.
+    let text = format!(
+        r#"
+        name = "overhang"
+        duration_s = 30.0
+        [driver.parked]
+        controller = "parked"
+        [[vehicle]]
+        name = "follower"
+        route = [{:?}]
+        at_m = {}
+        speed_mps = 0.3
+        [[vehicle]]
+        name = "obstacle"
+        driver = "parked"
+        route = [{:?}]
+        at_m = 0.01
+    "#,
+        before.name,
+        (before.curve.length() - 35.0) / 25.0,
+        lane.name
+    );
+    for model in [ModelKind::Bicycle, ModelKind::Raycast] {
+        let mut run = run(&text, model);
+        go_on(&mut run, 30);
+        let [follower, obstacle] = [1, 2].map(|id| state(&run, VehicleId(id)).clone());
+        let gap_m = (obstacle.position - follower.position).length() - 5.0;
+        assert!((0.5..6.0).contains(&gap_m), "{gap_m} m");
+        assert!(follower.distance_m > 10.0 && follower.status != Status::Collided, "{follower:?}");
+    }
+}
+
+#[test]
 fn a_vehicle_whose_trajectories_are_withheld_loses_its_link_until_it_gets_them_again() {
     let mut run = shipped("roundabout", ModelKind::Raycast);
     let (one, other) = (VehicleId(4), VehicleId(1));
