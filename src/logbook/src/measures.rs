@@ -60,7 +60,13 @@ pub struct RunMeasures {
     /// By vehicle id.
     #[serde(default)]
     pub vehicles: BTreeMap<u32, VehicleMeasures>,
+    /// Of a run that went on beyond the end of its scenario: what it had come to there.
+    #[serde(default)]
+    pub at_scenario_end: Option<Box<Self>>,
 }
+
+/// Simulated times that differ by less are the same.
+const SAME_TIME_S: f64 = 0.5;
 
 /// Delay, fuel and surrogate safety of the whole city; `None` where a run has no value.
 #[derive(Clone, Debug, Default, PartialEq, Deserialize)]
@@ -199,6 +205,7 @@ impl RunMeasures {
                 min_gap_m: safety.min_gap_m,
             },
             vehicles: summary.vehicles.iter().map(|(id, of)| (*id, vehicle(of))).collect(),
+            at_scenario_end: summary.at_scenario_end.as_deref().map(|summary| Box::new(Self::of(summary))),
         }
     }
 
@@ -217,6 +224,19 @@ impl RunMeasures {
         let file = std::fs::File::open(&path).map_err(unreadable)?;
         file.take(LARGEST_BYTES).read_to_string(&mut text).map_err(unreadable)?;
         serde_json::from_str(&text).map_err(|reason| MeasuresError::Damaged { path: path.clone(), reason })
+    }
+
+    /// Whether two runs lasted equally long.
+    pub fn lasted_as(&self, other: &Self) -> bool {
+        (self.simulated_s - other.simulated_s).abs() <= SAME_TIME_S
+    }
+
+    /// Two runs over the same time, where they have one: the whole of both, else one of them or both at the end of the scenario.
+    pub fn over_common_time<'m>(&'m self, other: &'m Self) -> [&'m Self; 2] {
+        let times_of = |run: &'m Self| [Some(run), run.at_scenario_end.as_deref()].into_iter().flatten();
+        let pairs = times_of(self).flat_map(|own| times_of(other).map(move |of_other| [own, of_other]));
+        let mut common = pairs.filter(|[own, of_other]| own.lasted_as(of_other));
+        common.next().unwrap_or([self, other])
     }
 
     /// What tells runs of one scenario apart, in words: its seed, and its environment where that is known.

@@ -150,6 +150,8 @@ struct OpenRun {
     plans: PlanSampler,
     start: Instant,
     steps: Duration,
+    /// What it had come to at the end of the scenario.
+    at_scenario_end: Option<Arc<Summary>>,
 }
 
 /// The folder of a run, once it is locked: who has it may write there.
@@ -349,6 +351,7 @@ impl RunFiles {
             plans: PlanSampler::default(),
             start,
             steps: Duration::ZERO,
+            at_scenario_end: None,
         });
     }
 
@@ -458,10 +461,11 @@ impl RunFiles {
             }
         }
         let is_at_end = moment.kind == MomentKind::Tick && moment.snapshot.tick == moment.experiment.ticks();
-        if let Some(open) = self.open.as_ref().filter(|_| is_at_end) {
-            let summary = open.summary(moment, open.events.clone(), self.wall_time);
+        if let Some(open) = self.open.as_mut().filter(|_| is_at_end) {
+            let summary = Arc::new(open.summary(moment, open.events.clone(), self.wall_time));
+            open.at_scenario_end = Some(Arc::clone(&summary));
             let mut written = self.written.lock().unwrap_or_else(PoisonError::into_inner);
-            written.outcome = Some(Arc::new(summary));
+            written.outcome = Some(summary);
         }
     }
 }
@@ -519,11 +523,17 @@ impl OpenRun {
         let events = std::mem::take(&mut self.events);
         let summary = self.summary(last, events, wall_time);
         let stopped_at_tick = account.is_stopped.then_some(last.snapshot.tick);
+        let went_on = |at_end: &Arc<Summary>| at_end.simulated_s < summary.simulated_s;
+        let at_scenario_end = self.at_scenario_end.filter(went_on).map(|at_end| {
+            // They are the first ones of the whole run.
+            Box::new(Summary { events: Vec::new(), ..Summary::clone(&at_end) })
+        });
         let summary = Summary {
             coordination: last.mainframe.and_then(Mainframe::coordination_report),
             link: account.link.clone(),
             ends: account.ends.clone(),
             stopped_at_tick,
+            at_scenario_end,
             ..summary
         };
         let summary = if origin.has_world() { summary } else { summary.of_poses() };

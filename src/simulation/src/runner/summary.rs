@@ -80,6 +80,9 @@ pub struct Summary {
     /// Tick at which the run was stopped before its end; `None` where it came to its end or was reset.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub stopped_at_tick: Option<u64>,
+    /// The result at the end of the scenario, without its events, of a run that went on beyond it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub at_scenario_end: Option<Box<Self>>,
     /// Wall-clock time that the run took, seconds; in the window, only that of the simulation.
     pub wall_s: f64,
     /// Simulated seconds per wall-clock second.
@@ -200,6 +203,7 @@ impl Summary {
         for vehicle in self.vehicles.values_mut() {
             (vehicle.mean_lateral_error_m, vehicle.max_lateral_error_m) = (None, None);
         }
+        self.at_scenario_end = self.at_scenario_end.map(|summary| Box::new(summary.of_poses()));
         self
     }
 
@@ -256,6 +260,7 @@ impl Summary {
             version: env!("CARGO_PKG_VERSION"),
             simulated_s,
             stopped_at_tick: None,
+            at_scenario_end: None,
             wall_s,
             real_time_factor: simulated_s / wall_s.max(1e-9),
             collisions: events.iter().filter(|event| event.kind.is_collision()).count(),

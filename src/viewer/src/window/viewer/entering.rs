@@ -352,12 +352,10 @@ impl ViewerState {
         let name = |what: &str, of: &RunMeasures| format!("{what}: {}, {}", of.scenario, of.conditions());
         let names = [name("this run", &present), name(&other.display().to_string(), &measured)];
         let note = differences(&present, &measured, self.state.preferences.decimal);
-        Ok(ComparedRuns { names, pairs: present.beside(&measured), note })
+        let [a, b] = present.over_common_time(&measured);
+        Ok(ComparedRuns { names, pairs: a.beside(b), note })
     }
 }
-
-/// Simulated times that differ by less are the same.
-const SAME_TIME_S: f64 = 0.5;
 
 /// What the reader of a comparison has to know: what the runs differ in, vehicles that a person has driven, and those that
 /// only one run has.
@@ -384,10 +382,13 @@ pub(super) fn differences(
     if !differ.is_empty() {
         words.push(format!("They differ in {}.", differ.join(", ")));
     }
-    if (present.simulated_s - other.simulated_s).abs() > SAME_TIME_S {
+    let compared = present.over_common_time(other);
+    if !compared[0].lasted_as(compared[1]) {
         words.push(
             "Mean speeds are over the whole of that time, also of vehicles that have arrived.".to_owned(),
         );
+    } else if let Some(time_s) = shorter_time_s(runs, compared) {
+        words.push(format!("Compared is what they had come to at {} s.", decimal.fixed(time_s, 1)));
     }
     for (letter, run) in ["A", "B"].iter().zip(runs) {
         let names = run.driven_by_hand();
@@ -401,6 +402,12 @@ pub(super) fn differences(
         }
     }
     (!words.is_empty()).then(|| words.join(" "))
+}
+
+/// The time at which two runs are compared, where one of them went on; `None` where both are compared as wholes.
+fn shorter_time_s(runs: [&RunMeasures; 2], compared: [&RunMeasures; 2]) -> Option<f64> {
+    let is_part = |(run, part): (&RunMeasures, &RunMeasures)| part.simulated_s < run.simulated_s;
+    runs.into_iter().zip(compared).find(|pair| is_part(*pair)).map(|(_, part)| part.simulated_s)
 }
 
 /// What stays of a run that a reset ends.

@@ -160,6 +160,14 @@ fn two_runs_are_told_apart_by_all_that_is_known_to_differ() {
     let expected = "They differ in seed (1, 7), environment (ideal, testbed), simulated time (30.0 s, 45.5 s). \
                     Mean speeds are over the whole of that time, also of vehicles that have arrived. Driven by hand in B: path1_a.";
     assert_eq!(told(&first, &run(7, "testbed", 45.5, true)).as_deref(), Some(expected));
+    // One that went on beyond the end of the scenario is compared as it was there.
+    let at_scenario_end = Some(Box::new(run(1, "ideal", 30.0, false)));
+    let longer = RunMeasures { at_scenario_end, ..run(1, "ideal", 45.5, false) };
+    let expected =
+        "They differ in simulated time (30.0 s, 45.5 s). Compared is what they had come to at 30.0 s.";
+    assert_eq!(told(&first, &longer).as_deref(), Some(expected));
+    assert_eq!(first.over_common_time(&longer).map(|of| of.simulated_s), [30.0, 30.0]);
+    assert_eq!(longer.over_common_time(&longer).map(|of| of.simulated_s), [45.5, 45.5]);
     // A summary of an earlier version does not say its environment.
     assert_eq!(told(&first, &run(1, "", 30.0, false)), None);
 }
