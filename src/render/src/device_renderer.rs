@@ -521,6 +521,7 @@ impl DeviceRenderer {
             eye,
             is_perspective: view.is_perspective(),
             lod_error_px: self.settings.quality.lod_error_px,
+            vehicle_lod_error_px: self.settings.quality.vehicle_lod_error_px,
             min_size_px: self.settings.quality.min_size_px,
             texture_detail: match (self.settings.flat, self.settings.quality.vertex_lit) {
                 (Some(_), _) => TextureDetail::None,

@@ -24,8 +24,6 @@ use std::sync::Arc;
 const FLASHES_HZ: f64 = 1.5;
 /// Lens area of a lamp of usual size, seen along the vehicle.
 const REFERENCE_LENS_M2: f32 = 0.05;
-/// Screen-space error allowed for vehicles, as a share of that for the city.
-const VEHICLE_LOD_FACTOR: f32 = 0.75;
 /// Geometric error of the usual level where there is a finer one for what is near.
 const NEAR_ERROR_M: f32 = 0.02;
 /// Small-feature culling: wheels of a smaller diameter are not drawn.
@@ -328,8 +326,7 @@ impl FleetRenderer {
                 let projected_px = |length_m| cull.pixel_scale.projected_px(length_m, distance_m);
                 let own_body = own.filter(|own| own.id == p.id).map(|own| own.body.clone());
                 let levels = self.meshes.get(&p.key).map_or(&[][..], |mesh| &mesh.levels);
-                let fits =
-                    |level: &GpuMeshLod| projected_px(level.error_m) < VEHICLE_LOD_FACTOR * cull.lod_error_px;
+                let fits = |level: &GpuMeshLod| projected_px(level.error_m) < cull.vehicle_lod_error_px;
                 VisibleVehicle {
                     index,
                     distance_m,

@@ -27,8 +27,10 @@ pub struct Quality {
     pub contact_steps: u32,
     /// Resolution of the shadow map: texels along an edge.
     pub shadow_texels: u32,
-    /// Level of detail: largest screen-space error of a coarser mesh, pixels.
+    /// Level of detail: largest screen-space error of a coarser mesh of the city, pixels.
     pub lod_error_px: f32,
+    /// The same of a vehicle, on which people look.
+    pub vehicle_lod_error_px: f32,
     /// Small-feature culling: objects of a smaller diameter are not drawn, pixels.
     pub min_size_px: f32,
 }
@@ -55,6 +57,7 @@ impl Quality {
         contact_steps: 0,
         shadow_texels: 2048,
         lod_error_px: 1.5,
+        vehicle_lod_error_px: 1.125,
         min_size_px: 1.0,
     };
     /// For stills.
@@ -65,6 +68,7 @@ impl Quality {
         contact_steps: 16,
         shadow_texels: 8192,
         lod_error_px: 0.3,
+        vehicle_lod_error_px: 0.225,
         ..Self::HIGH
     };
     /// For pictures that people look at.
@@ -79,6 +83,7 @@ impl Quality {
         contact_steps: 0,
         shadow_texels: 4096,
         lod_error_px: 0.8,
+        vehicle_lod_error_px: 0.6,
         min_size_px: 1.0,
     };
     /// For many cameras on a software adapter.
@@ -92,7 +97,8 @@ impl Quality {
         reflection_steps: 0,
         contact_steps: 0,
         shadow_texels: 2048,
-        lod_error_px: 4.0,
+        lod_error_px: 5.0,
+        vehicle_lod_error_px: 3.0,
         min_size_px: 2.0,
     };
 }

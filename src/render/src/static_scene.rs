@@ -205,6 +205,8 @@ pub(super) struct CullContext<'a> {
     pub(super) is_perspective: bool,
     /// See [`super::Quality::lod_error_px`].
     pub(super) lod_error_px: f32,
+    /// See [`super::Quality::vehicle_lod_error_px`].
+    pub(super) vehicle_lod_error_px: f32,
     pub(super) texture_detail: TextureDetail,
     /// See [`super::Quality::min_size_px`].
     pub(super) min_size_px: f32,

@@ -168,7 +168,7 @@ impl NeutralScene {
         let file = &self.file;
         let flat = FlatLight { to_sun: file.to_sun, ambient: AMBIENT, sun: SUN, background: file.background };
         // Full level of detail, for the same silhouettes as in the other engines.
-        let quality = Quality { lod_error_px: 0.5, ..Quality::LOW };
+        let quality = Quality { lod_error_px: 0.5, vehicle_lod_error_px: 0.375, ..Quality::LOW };
         let settings = Settings { quality, flat: Some(flat), ..Settings::default() };
         let mut renderer = Renderer::new(context, &file.description(), settings)?;
         renderer.set_vehicle_model(BodyType::Sedan, &Arc::new(file.model()));
