@@ -69,26 +69,26 @@ impl LoopCapacity {
         then
     }
 
-    /// The loops that a vehicle is on or was admitted to, each once; with one more section, those it would
+    /// Adds the loops that a vehicle is on or was admitted to, each once; with one more section, those it would
     /// also enter.
     fn list(&self, cav: &Cav, section: Option<usize>, out: &mut Vec<usize>) {
         let admitted = cav.passage.admissions.iter().map(|admission| admission.section);
         let sections = admitted.chain(section).filter_map(|section| cav.route.sections.get(section));
         let end_s = sections.map(|section| section.to_s + BEHIND_SECTION_M).fold(cav.front_s(), f64::max);
         let lanes = cav.route.index_at(cav.rear_s())..=cav.route.index_at(end_s);
-        out.clear();
+        let before = out.len();
         for lane in &cav.route.lanes()[lanes] {
-            out.extend_from_slice(&self.of_lane[lane.index()]);
+            for &entered in &self.of_lane[lane.index()] {
+                if !out[before..].contains(&entered) {
+                    out.push(entered);
+                }
+            }
         }
-        out.sort_unstable();
-        out.dedup();
     }
 
     /// Adds the loops that a vehicle is on or was admitted to, each once.
     pub(super) fn add_to(&self, cav: &Cav, out: &mut Vec<usize>) {
-        let mut loops = Vec::new();
-        self.list(cav, None, &mut loops);
-        out.append(&mut loops);
+        self.list(cav, None, out);
     }
 }
 

@@ -86,6 +86,8 @@ pub struct Trace {
     pub samples: Vec<TraceSample>,
     /// Lanes that the front axle has followed, with the station of each sample.
     pub track: MatchedPath,
+    /// The scenario has it as a vehicle of the laboratory.
+    is_planned_physical: bool,
 }
 
 impl Trace {
@@ -284,18 +286,20 @@ impl TraceBuilder {
         let unknown =
             || (format!("vehicle{id}"), city3d_protocol::snapshot::VehicleSpec::default().dimensions);
         let (name, dimensions) = planned.or_else(|| self.set_up.get(&id).cloned()).unwrap_or_else(unknown);
-        Trace { id, name, dimensions, samples: Vec::new(), track: MatchedPath::default() }
+        let is_planned_physical = self.experiment.is_physical(id);
+        let (samples, track) = (Vec::new(), MatchedPath::default());
+        Trace { id, name, dimensions, samples, track, is_planned_physical }
     }
 
     /// Adds the state of a vehicle at a time; an earlier time than the last one begins its trace anew.
     pub fn see(&mut self, time_s: f64, state: &VehicleState) {
         self.end_s = self.end_s.max(time_s);
-        self.has_physical |= state.status == Status::Physical;
         if !self.traces.contains_key(&state.id) {
-            self.has_physical |= self.experiment.is_physical(state.id);
             self.traces.insert(state.id, self.begin(state.id));
         }
         let Some(trace) = self.traces.get_mut(&state.id) else { return };
+        let is_physical = state.status == Status::Physical || trace.is_planned_physical;
+        self.has_physical |= is_physical;
         // After a reset of the city the trace starts again.
         if trace.samples.last().is_some_and(|last| last.time_s >= time_s) {
             trace.samples.clear();
@@ -307,7 +311,6 @@ impl TraceBuilder {
         let is_seen = state.status != Status::Unseen;
         let known = |value: f64| if is_seen { value } else { f64::NAN };
         // What drives a vehicle of the laboratory is not measured: its own algorithms decide it.
-        let is_physical = state.status == Status::Physical || self.experiment.is_physical(state.id);
         let pedal = |value: f64| if is_physical { f64::NAN } else { known(value) };
         trace.samples.push(TraceSample {
             time_s,
