@@ -216,6 +216,8 @@ fn speed(ui: &mut Ui, present: Speed, actions: &mut Vec<UiAction>) {
             speed_label(present, decimal)
         })
         .width(58.0)
+        // All of them, without a bar.
+        .height(300.0)
         .show_ui(ui, |ui| {
             for factor in SPEEDS {
                 ui.selectable_value(

@@ -170,8 +170,13 @@ fn numbered(id: VehicleId, name: &str) -> String {
 }
 
 /// Selects the vehicle of an event, and seeks to its time.
-pub(super) fn go_to(mark: &TimelineMark, state: &mut UiState, actions: &mut Vec<UiAction>) {
-    let command = update(mark, state);
+pub(super) fn go_to(
+    mark: &TimelineMark,
+    seen: &FrameSnapshot,
+    state: &mut UiState,
+    actions: &mut Vec<UiAction>,
+) {
+    let command = update(mark, seen, state);
     actions.push(UiAction::PlaybackCommand(command));
 }
 
@@ -234,7 +239,7 @@ pub(super) fn grave_counts(
         let tip = if is_by_key { commands::GRAVE_EVENT.tip(ui.ctx(), &tip) } else { tip };
         let button = button.on_hover_text(tip).on_disabled_hover_text(refusal.unwrap_or_default());
         if button.clicked() {
-            go_to(&next, state, actions);
+            go_to(&next, view.seen, state, actions);
         }
     }
     true
@@ -274,7 +279,7 @@ pub(super) fn live(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>, acti
         let label = ui.allocate_ui_with_layout(room, layout, |ui| ui.add(label)).inner;
         let tip = with_remark(shown, &last, &format!("{words}. Show where and when it happened"));
         if label.on_hover_text(tip).clicked() {
-            go_to(&last, state, actions);
+            go_to(&last, view.seen, state, actions);
         }
     }
 }
@@ -310,7 +315,16 @@ pub fn announcement(
 /// An event in words, with its time and vehicle.
 pub fn event_words(names: &VehicleNames, mark: &TimelineMark, decimal: DecimalSeparator) -> String {
     let time = decimal.fixed(mark.time_s, 2);
-    format!("{time} s: {}, {}", named(names, mark.vehicle), mark.what.label())
+    format!("{time} s: {}, {}", named(names, mark.vehicle), label(mark, decimal))
+}
+
+/// What an event is; its numbers are written as the user wants them.
+pub(super) fn label(mark: &TimelineMark, decimal: DecimalSeparator) -> String {
+    let label = mark.what.label();
+    match mark.what {
+        Occurrence::Event(EventKind::Moved { .. } | EventKind::Go { .. }) => decimal.written(label),
+        _ => label,
+    }
 }
 
 /// What a collision with a virtual vehicle means to one of the laboratory that takes part in it; `None` for other events.
@@ -343,24 +357,43 @@ fn with_remark(shown: &ViewModel<'_>, mark: &TimelineMark, tip: &str) -> String 
     remark.map_or_else(|| tip.to_owned(), |remark| format!("{tip}. {remark}"))
 }
 
+/// The vehicle to look at in an event: a vehicle of the laboratory that was struck drives on, and leaves the place.
+fn subject(mark: &TimelineMark, seen: &FrameSnapshot) -> VehicleId {
+    let is_physical = |id| seen.info(id).is_some_and(VehicleInfo::is_physical);
+    match mark.what {
+        Occurrence::Event(EventKind::Collision { with })
+            if is_physical(mark.vehicle) && !is_physical(with) =>
+        {
+            with
+        }
+        _ => mark.vehicle,
+    }
+}
+
 /// Selects the vehicle of an event, and seeks to its time; the camera stays.
-pub(super) fn select(mark: &TimelineMark, state: &mut UiState, actions: &mut Vec<UiAction>) {
+pub(super) fn select(
+    mark: &TimelineMark,
+    seen: &FrameSnapshot,
+    state: &mut UiState,
+    actions: &mut Vec<UiAction>,
+) {
     state.events.chosen = Some(mark.clone());
     if state.driving.is_none() {
-        (state.selection.vehicle, state.table.reveal) = (Some(mark.vehicle), true);
+        (state.selection.vehicle, state.table.reveal) = (Some(subject(mark, seen)), true);
     }
     actions.push(UiAction::PlaybackCommand(PlaybackCommand::Show(mark.time_s)));
 }
 
 /// Selects and follows the vehicle of an event; returns the seek. Who drives stays where they are: their seek is refused.
-pub(super) fn update(mark: &TimelineMark, state: &mut UiState) -> PlaybackCommand {
+pub(super) fn update(mark: &TimelineMark, seen: &FrameSnapshot, state: &mut UiState) -> PlaybackCommand {
     if state.driving.is_some() {
         return PlaybackCommand::Show(mark.time_s);
     }
     state.keep_view();
     state.events.chosen = Some(mark.clone());
-    state.selection.vehicle = Some(mark.vehicle);
-    state.selection.follow = Some(mark.vehicle);
+    let vehicle = subject(mark, seen);
+    state.selection.vehicle = Some(vehicle);
+    state.selection.follow = Some(vehicle);
     state.viewpoint.come_near();
     state.table.reveal = true;
     PlaybackCommand::Show(mark.time_s)
@@ -406,7 +439,7 @@ pub(super) fn show(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>, acti
         return;
     }
     if let Some(mark) = list(ui, (marks.as_slice(), is_held && was_held), state, shown) {
-        go_to(&mark, state, actions);
+        go_to(&mark, view.seen, state, actions);
     }
 }
 
@@ -419,7 +452,6 @@ fn nothing(shown: &ViewModel<'_>) -> &'static str {
     }
 }
 
-/// Why the times of a standstill and of its end are farther apart than it stood.
 /// Whom a vehicle yields to, beside the one that the event tells.
 const YIELD: &str = "Show where and when it happened. It tells to whom the vehicle yielded at first: before it goes it may yield to others there, whom the inspector tells";
 
@@ -469,7 +501,8 @@ fn list(
                 line.set_selected(Some(line.index()) == present);
                 line.col(|ui| _ = ui.monospace(decimal.fixed(mark.time_s, 2)));
                 line.col(|ui| {
-                    _ = ui.label(RichText::new(mark.what.label()).color(colour(ui.ctx(), mark.what.kind())));
+                    _ = ui
+                        .label(RichText::new(label(mark, decimal)).color(colour(ui.ctx(), mark.what.kind())));
                 });
                 line.col(|ui| _ = ui.label(named(shown.names, mark.vehicle)));
                 let tip = match mark.what {

@@ -433,6 +433,15 @@ impl UiState {
         self.notice = Some((text.into(), now_s + 6.0));
     }
 
+    /// Shows a message that nobody has asked for: one that is shown stays above it.
+    pub fn add_to_said(&mut self, text: impl Into<String>, now_s: f64) {
+        let text = text.into();
+        let before = self.notice.take().filter(|(_, until_s)| now_s < *until_s);
+        let last = before.iter().flat_map(|(text, _)| text.lines()).last();
+        let text = [last, Some(text.as_str())].into_iter().flatten().collect::<Vec<_>>().join("\n");
+        self.say(text, now_s);
+    }
+
     /// Notes when a run comes to its end.
     fn note_end(&mut self, ui: &egui::Ui, shown: &ViewModel<'_>) {
         let now_s = ui.input(|input| input.time);
@@ -563,22 +572,26 @@ fn menu_with_fields() -> egui::containers::menu::MenuConfig {
 }
 
 fn footer(ui: &mut egui::Ui, shown: &ViewModel<'_>) {
-    ui.horizontal(|ui| {
-        ui.small(help::reminder(&commands::key_map::of(ui.ctx()), shown));
-        ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
-            if shown.frames_per_s > 0.0 {
-                // Fixed width, so that its neighbours do not move.
-                let text = format!("{:3.0} fps", shown.frames_per_s);
-                ui.label(egui::RichText::new(text).small().monospace());
-            }
-            // What tells its runs apart; an edited scenario has none yet.
-            if shown.city != CityKind::Elsewhere && shown.edit.is_none() {
-                let tip = "Seed and environment of this run: the same pair repeats it, unless a person drives or other values were set";
-                ui.small(shown.conditions).on_hover_text(tip);
-            }
-            ui.add(egui::Label::new(egui::RichText::new(shown.footer).small().weak()).truncate());
+    let cut = |ui: &mut egui::Ui, text: egui::RichText| ui.add(egui::Label::new(text.small()).truncate());
+    let from_right = egui::Layout::right_to_left(egui::Align::Center);
+    let row = |ui: &mut egui::Ui| {
+        if shown.frames_per_s > 0.0 {
+            // Fixed width, so that its neighbours do not move.
+            let text = format!("{:3.0} fps", shown.frames_per_s);
+            ui.label(egui::RichText::new(text).small().monospace());
+        }
+        // What tells its runs apart; an edited scenario has none yet.
+        if shown.city != CityKind::Elsewhere && shown.edit.is_none() {
+            let tip = "Seed and environment of this run: the same pair repeats it, unless a person drives or other values were set";
+            ui.small(shown.conditions).on_hover_text(tip);
+        }
+        // Where there is little room, the keys are cut and the rest is left out.
+        ui.with_layout(egui::Layout::left_to_right(egui::Align::Center), |ui| {
+            cut(ui, help::reminder(&commands::key_map::of(ui.ctx()), shown).into());
+            ui.with_layout(from_right, |ui| cut(ui, egui::RichText::new(shown.footer).weak()));
         });
-    });
+    };
+    ui.horizontal(|ui| ui.with_layout(from_right, row));
 }
 
 /// Size in pixels of a screen rectangle, at least 1 by 1.

@@ -103,6 +103,13 @@ fn menu(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>) -> Option<RunGo
             goal = Some(RunGoal::Time(state.run_until.time_s));
         }
     });
+    if shown.city == CityKind::Local && now_s < shown.duration_s {
+        let to_end = ui.button("Until the end of the scenario");
+        let end = theme::decimal(ui.ctx()).plain(shown.duration_s);
+        if to_end.on_hover_text(format!("Simulated time {end} s")).clicked() {
+            goal = Some(RunGoal::Time(shown.duration_s));
+        }
+    }
     ui.separator();
     for (words, kind) in EVENTS {
         if ui.button(format!("Until the next {words}")).clicked() {

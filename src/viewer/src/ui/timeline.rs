@@ -5,6 +5,7 @@ mod track;
 use super::events::{self, go_to, update};
 use super::{CityKind, UiAction, UiState, ViewModel, commands, run_until, theme, video};
 use city3d_geometry::trig;
+use city3d_protocol::snapshot::FrameSnapshot;
 use city3d_session::RunPhase;
 use city3d_session::playback::{PlaybackCommand, Playhead, SPEEDS, TimelineMark};
 use city3d_simulation::scenario::counted;
@@ -28,6 +29,8 @@ pub struct TimelineView<'a> {
     pub shown: ShownTime,
     /// Right end of the track, seconds: for a run that goes on, at least where its scenario ends.
     pub end_s: f64,
+    /// The city as it is shown.
+    pub seen: &'a FrameSnapshot,
 }
 
 /// Which time of which run the window shows.
@@ -54,6 +57,7 @@ impl<'a> TimelineView<'a> {
                 is_late: replay.is_late,
                 shown: ShownTime::Recorded,
                 end_s: replay.head.to_s,
+                seen: &shown.run_state.now,
             },
             None => Self {
                 head: shown.past.head,
@@ -67,6 +71,7 @@ impl<'a> TimelineView<'a> {
                     CityKind::Local => shown.past.head.to_s.max(shown.duration_s),
                     CityKind::Served | CityKind::Elsewhere => shown.past.head.to_s,
                 },
+                seen: &shown.run_state.now,
             },
         }
     }
@@ -89,7 +94,7 @@ pub(super) const JUST_PASSED_S: f64 = 0.5;
 /// returns the seek to it.
 pub(super) fn to_grave_event(replay: &TimelineView<'_>, state: &mut UiState) -> Option<PlaybackCommand> {
     let mark = events::next_shown(replay, state.events.grave(replay.marks))?.1.clone();
-    Some(update(&mark, state))
+    Some(update(&mark, replay.seen, state))
 }
 
 /// The next or previous event that passes the filter.
@@ -121,7 +126,7 @@ pub(super) fn to_event(
     forward: bool,
 ) -> Option<PlaybackCommand> {
     let mark = neighbour(replay, state, forward)?.clone();
-    Some(update(&mark, state))
+    Some(update(&mark, replay.seen, state))
 }
 
 /// The visible time range of the timeline; `None` is the whole run.
@@ -355,7 +360,7 @@ fn event_buttons(
         let why_not = refusal.as_deref().unwrap_or("There is no such event");
         let button = button.on_hover_text(tip).on_disabled_hover_text(why_not);
         if let (true, Some(mark)) = (button.clicked(), mark) {
-            go_to(&mark, state, actions);
+            go_to(&mark, replay.seen, state, actions);
         }
     }
     events::list_button(ui, state, shown);

@@ -531,7 +531,7 @@ impl ViewerState {
         if let Some(words) = ui::announcement(&self.scenario_info.names, marks, said_with) {
             let remark = marks.iter().find_map(|mark| ui::collision_remark(&run_state.now, mark));
             let remark = remark.map_or_else(String::new, |remark| format!(". {remark}"));
-            self.state.say(words + &remark, now_s);
+            self.state.add_to_said(words + &remark, now_s);
         }
     }
 

@@ -335,6 +335,8 @@ fn a_run_goes_on_for_some_steps_up_to_a_time_or_up_to_an_event() {
     assert!((2.59..2.60).contains(&goal_s), "{goal_s}");
     let until = choose("Run until");
     assert_eq!(until, [UiAction::Order(Order::RunUntil(RunGoal::Time(10.0)))]);
+    let end = choose("Until the end of the scenario");
+    assert_eq!(end, [UiAction::Order(Order::RunUntil(RunGoal::Time(30.0)))]);
     let event = choose("Until the next collision");
     let goal = RunGoal::Event(Some(MarkKind::Collision));
     assert_eq!(event, [UiAction::Order(Order::RunUntil(goal))]);

@@ -27,6 +27,8 @@ pub struct Layout {
     lifted: BTreeSet<Panel>,
     /// Docked panels that open in this frame, which those over the city must not hide.
     opening: Vec<TileId>,
+    /// The docked panel that was opened last.
+    opened: Option<TileId>,
 }
 
 impl Default for Layout {
@@ -57,6 +59,8 @@ const RIGHT: f32 = 284.0;
 const IN_USE_S: f32 = 2.0;
 /// Share of the view that is its middle.
 const MIDDLE: f32 = 0.4;
+/// In a narrower bar two titles find room beside a sign alone, points.
+const NARROW_TABS: f32 = 240.0;
 /// Height of the bar with the titles, points.
 const TAB_BAR: f32 = 22.0;
 
@@ -86,7 +90,7 @@ impl Layout {
     /// A layout of which nothing has been shown yet.
     fn of(tree: Tree<Panel>, floating: BTreeSet<Panel>, points: BTreeMap<u64, f32>) -> Self {
         let (fitted, lifted) = (BTreeMap::new(), BTreeSet::new());
-        Self { tree, floating, points, fitted, lifted, opening: Vec::new() }
+        Self { tree, floating, points, fitted, lifted, opening: Vec::new(), opened: None }
     }
 
     /// Whether a panel is over the city, not beside it.
@@ -128,6 +132,7 @@ impl Layout {
             if is_docked && !was_docked {
                 self.tree.make_active(|id, _| id == tile);
                 self.opening.push(tile);
+                self.opened = Some(tile);
             }
         }
     }
@@ -167,9 +172,20 @@ impl Layout {
         let vehicle = super::city::watched(state, shown, city).map_or(middle, |seen| seen.union(middle));
         let rects = |panel: &Panel| ui.ctx().memory(|memory| memory.area_rect(window_of(*panel)));
         let taken: Vec<Rect> = state.layout.lifted.iter().filter_map(rects).collect();
-        let room = Rect::from_x_y_ranges(window.x_range(), city.y_range()).shrink(4.0);
-        let kept = state.layout.kept(shown, state.viewpoint.follow.is_some());
+        let room = Rect::from_x_y_ranges(window.x_range(), city.y_range()).shrink(8.0);
+        let mut kept = state.layout.kept(shown, state.viewpoint.follow.is_some());
+        kept.extend(state.layout.opened.and_then(|tile| state.layout.shown_rect(tile)));
         FloatingPlaces { city, room, vehicle: Some(vehicle), kept }.free((None, size), &taken)
+    }
+
+    /// Whether a docked panel opens beneath a window at a place.
+    pub(super) fn opens_beneath(&self, place: Rect) -> bool {
+        let rects = self.opening.iter().filter_map(|tile| self.shown_rect(*tile));
+        rects.into_iter().any(|opening| opening.intersects(place))
+    }
+
+    fn shown_rect(&self, tile: TileId) -> Option<Rect> {
+        self.tree.tiles.rect(tile).filter(|_| self.tree.is_visible(tile))
     }
 
     /// Whether a window at a place is in the way: over a panel in which the mouse moves.
@@ -330,7 +346,9 @@ impl Behavior<Panel> for Dock<'_, '_> {
     ) {
         let active = tabs.active.filter(|tile| Some(*tile) != self.city);
         let Some(panel) = active.and_then(|tile| tiles.get_pane(&tile)) else { return };
-        if ui.small_button("Float").on_hover_text("Lift this panel over the city").clicked() {
+        let is_narrow = tabs.children.len() > 1 && ui.available_width() < NARROW_TABS;
+        let text = if is_narrow { "\u{23cf}" } else { "Float" };
+        if ui.small_button(text).on_hover_text("Float: lift this panel over the city").clicked() {
             self.lifted = Some(*panel);
         }
     }

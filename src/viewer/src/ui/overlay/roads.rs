@@ -1,6 +1,7 @@
 //! Overlays of the road network: lanes, conflict zones, control zones, routes.
 
 use super::super::control_zones::{ControlZoneArea, zone_colour};
+use super::super::editing::EditTool;
 use super::super::{UiState, ViewModel};
 use super::{above, paint};
 use city3d_protocol::snapshot::VehicleId;
@@ -126,12 +127,13 @@ fn across(map: &CityMap, lane: LaneId, at_m: f64) -> [DVec3; 2] {
 /// Routes: those of all vehicles, and on top of them that of the selected one, wide, with a white edge.
 fn routes(overlay: &mut Overlay, state: &UiState, shown: &ViewModel<'_>) {
     let selected = state.selection.vehicle;
-    if state.layers.all_routes {
+    // An obstacle is put in the way of somebody.
+    let adds_obstacle = shown.edit.is_some() && state.editing.tool == EditTool::AddObstacle;
+    let of_all = state.layers.all_routes || adds_obstacle;
+    if of_all {
         all_routes(overlay, selected, shown);
     }
-    if let Some(id) =
-        selected.filter(|_| state.layers.routes || state.layers.all_routes || shown.edit.is_some())
-    {
+    if let Some(id) = selected.filter(|_| state.layers.routes || of_all || shown.edit.is_some()) {
         route(overlay, shown, id, (6.0, paint(Color32::WHITE, 0.8)));
         route(overlay, shown, id, (4.0, paint(ROUTE, 1.0)));
     }

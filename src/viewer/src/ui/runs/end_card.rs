@@ -87,20 +87,21 @@ pub(super) fn window(ui: &Ui, state: &mut UiState, shown: &ViewModel<'_>, action
         card.seed = (measures.seed.wrapping_add(1).to_string(), Some(run_state.run));
         card.environment = None;
     }
+    let shown_rect = ui.ctx().memory(|memory| memory.area_rect(egui::Id::unique(WINDOW)));
+    if shown_rect.is_some_and(|rect| state.layout.opens_beneath(rect)) {
+        card.placed = None;
+    }
     let frames = card.placed.filter(|(run, _)| *run == run_state.run).map_or(0, |(_, frames)| frames);
     card.placed = Some((run_state.run, (frames + 1).min(PLACING_FRAMES)));
     // As large as it has turned out: some lines are there in some runs alone.
-    let shown_size =
-        ui.ctx().memory(|memory| memory.area_rect(egui::Id::unique(WINDOW))).map(|rect| rect.size());
-    let size = shown_size.filter(|_| frames > 1).map_or(SIZE, |size| size.max(SIZE));
+    let size = shown_rect.map(|rect| rect.size()).filter(|_| frames > 2).unwrap_or(SIZE);
     let place = (frames < PLACING_FRAMES).then(|| Layout::place_beside(ui, size, (&*state, shown)));
-    if let Some(place) = place.filter(|_| frames == 0 && !is_asked) {
-        // It waits until the mouse rests in what it would cover: a click was meant for something else.
-        if state.layout.is_in_the_way(ui, Rect::from_min_size(place, size)) {
-            ui.ctx().request_repaint_after(WAITS);
-            (state.runs.end_card.shown, state.runs.end_card.placed) = (None, None);
-            return;
-        }
+    let opens = place.filter(|_| frames == 0 && !is_asked);
+    // It waits until the mouse rests in what it would cover: a click was meant for something else.
+    if opens.is_some_and(|place| state.layout.is_in_the_way(ui, Rect::from_min_size(place, size))) {
+        ui.ctx().request_repaint_after(WAITS);
+        (state.runs.end_card.shown, state.runs.end_card.placed) = (None, None);
+        return;
     }
     let card = &mut state.runs.end_card;
     let units = state.preferences.units;

@@ -13,7 +13,7 @@ pub use preferences::{Preferences, SCALES, SpeedUnit, StatusColours, Theme};
 
 use city3d_geometry::trig;
 use city3d_protocol::snapshot::Status;
-use egui::{Color32, Context, FontId, Id, Rangef, Stroke, TextStyle, Ui, Visuals};
+use egui::{Color32, Context, FontId, Id, Rangef, Shadow, Stroke, TextStyle, Ui, Visuals};
 use egui_plot::AxisHints;
 
 /// Gives the context the user's theme and scale, once after a change.
@@ -27,7 +27,7 @@ pub(super) fn apply(context: &Context, preferences: Preferences) {
         Theme::HighContrast => (egui::Theme::Dark, high_contrast()),
     };
     context.set_theme(theme);
-    context.set_visuals_of(theme, visuals);
+    context.set_visuals_of(theme, Visuals { window_shadow: SHADOW, ..visuals });
     context.set_zoom_factor(preferences.scale);
     let decimal = preferences.decimal;
     context.all_styles_mut(|style| {
@@ -47,6 +47,9 @@ pub(super) fn apply(context: &Context, preferences: Preferences) {
     context.options_mut(|options| options.zoom_with_keyboard = false);
     context.data_mut(|data| data.insert_temp(Id::unique(KEY), preferences));
 }
+
+/// Shadow of windows. That of egui reaches 35 points down: widgets in it look as if they could not be used.
+const SHADOW: Shadow = Shadow { offset: [0, 2], blur: 6, spread: 0, color: Color32::from_black_alpha(96) };
 
 /// Size of the smallest texts, points.
 pub const SMALL: f32 = 11.0;

@@ -1,6 +1,6 @@
 //! The track of the timeline: the bar with its playhead, event marks and times.
 
-use super::super::events::{collision_remark, colour, go_to, named, select};
+use super::super::events::{collision_remark, colour, go_to, label, named, select};
 use super::super::{UiAction, UiState, ViewModel, theme};
 use super::{ShownTime, TimelineRange, TimelineView};
 use city3d_protocol::snapshot::VehicleId;
@@ -91,8 +91,8 @@ pub(super) fn show(
             b.what.kind().cmp(&a.what.kind()).then(distance(a).total_cmp(&distance(b)))
         });
         match mark.filter(|_| is_on_marks).cloned() {
-            Some(mark) if response.double_clicked() => go_to(&mark, state, actions),
-            Some(mark) => select(&mark, state, actions),
+            Some(mark) if response.double_clicked() => go_to(&mark, replay.seen, state, actions),
+            Some(mark) => select(&mark, replay.seen, state, actions),
             None => {
                 let time_s = scale.time_s(at.x);
                 let is_end = replay.shown != ShownTime::Recorded && time_s >= head.to_s;
@@ -166,7 +166,7 @@ fn tooltip(
     marks.sort_by(|a, b| a.time_s.total_cmp(&b.time_s));
     for mark in marks {
         let time = decimal.fixed(mark.time_s, 2);
-        let text = format!("{time}  {}  {}", mark.what.label(), named(shown.names, mark.vehicle));
+        let text = format!("{time}  {}  {}", label(mark, decimal), named(shown.names, mark.vehicle));
         ui.label(RichText::new(text).color(colour(ui.ctx(), mark.what.kind())));
         if let Some(remark) = collision_remark(&shown.run_state.now, mark) {
             ui.label(RichText::new(remark).small());
