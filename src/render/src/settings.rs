@@ -25,6 +25,10 @@ pub struct Quality {
     pub reflection_steps: u32,
     /// Contact shadows of the sun in screen space: steps of a ray; 0 switches them off. They need [`Self::ssao_samples`].
     pub contact_steps: u32,
+    /// Temporal anti-aliasing of pictures that are read back: so many pictures, shifted by parts of a pixel, are
+    /// averaged. 0 and 1 switch it off. It needs light per pixel; depth and labels, and what is drawn to a window, stay as
+    /// they are.
+    pub jitter_samples: u32,
     /// Resolution of the shadow map: texels along an edge.
     pub shadow_texels: u32,
     /// Level of detail: largest screen-space error of a coarser mesh, pixels.
@@ -53,6 +57,7 @@ impl Quality {
         ssao_samples: 6,
         reflection_steps: 0,
         contact_steps: 0,
+        jitter_samples: 0,
         shadow_texels: 2048,
         lod_error_px: 1.5,
         min_size_px: 1.0,
@@ -63,6 +68,7 @@ impl Quality {
         ssao_samples: 20,
         reflection_steps: 64,
         contact_steps: 16,
+        jitter_samples: 4,
         shadow_texels: 8192,
         lod_error_px: 0.3,
         ..Self::HIGH
@@ -77,6 +83,7 @@ impl Quality {
         ssao_samples: 10,
         reflection_steps: 0,
         contact_steps: 0,
+        jitter_samples: 0,
         shadow_texels: 4096,
         lod_error_px: 0.8,
         min_size_px: 1.0,
@@ -91,6 +98,7 @@ impl Quality {
         ssao_samples: 0,
         reflection_steps: 0,
         contact_steps: 0,
+        jitter_samples: 0,
         shadow_texels: 2048,
         lod_error_px: 4.0,
         min_size_px: 2.0,
