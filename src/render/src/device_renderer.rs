@@ -22,6 +22,7 @@ use super::passes::overlay::{OverlayPass, OverlayTarget};
 use super::passes::shadow::{ShadowPass, SunView};
 use super::passes::signals::SignalPass;
 use super::passes::sky::SkyPass;
+use super::passes::standing::StandingPass;
 use super::passes::vehicle::VehiclePass;
 use super::passes::{Attachments, light_constants};
 use super::post_process::PostProcess;
@@ -56,6 +57,8 @@ pub(super) struct DeviceRenderer {
     city: CityPass,
     vehicles: VehiclePass,
     contact: ContactPass,
+    /// With light per pixel.
+    standing: Option<StandingPass>,
     sky: SkyPass,
     /// At night.
     glow: Option<GlowPass>,
@@ -158,6 +161,8 @@ impl DeviceRenderer {
             ),
             vehicles: VehiclePass::new(device, attachments, (&frame_constants, &constants), groups),
             contact: ContactPass::new(device, attachments, &frame.layout),
+            standing: (!vertex_lit)
+                .then(|| StandingPass::new(device, attachments, &frame.layout, (scene, lamplit))),
             sky: SkyPass::new(context, attachments, textures, groups),
             glow: lamplit.then(|| {
                 let is_wet = settings.weather == Weather::Rain;
@@ -571,6 +576,9 @@ impl DeviceRenderer {
         if self.settings.flat.is_none() {
             self.sky.draw(pass);
             self.contact.draw(pass, &self.fleet, &visible.vehicles);
+            if let Some(standing) = &self.standing {
+                standing.draw(pass);
+            }
         }
         self.vehicles.draw_glass(pass, &self.fleet, &visible.vehicles);
         if let Some(glow) = &self.glow {

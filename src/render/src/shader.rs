@@ -27,6 +27,7 @@ const VERTEX_LIT: ShaderFile = shader_file!("vertex_lit.wgsl");
 const CITY: ShaderFile = shader_file!("city.wgsl");
 const VEHICLE: ShaderFile = shader_file!("vehicle.wgsl");
 const CONTACT: ShaderFile = shader_file!("contact.wgsl");
+const STANDING: ShaderFile = shader_file!("standing.wgsl");
 const GLOW: ShaderFile = shader_file!("glow.wgsl");
 const SIGNAL: ShaderFile = shader_file!("signal.wgsl");
 const SHADOW: ShaderFile = shader_file!("shadow.wgsl");
@@ -49,6 +50,7 @@ pub(super) enum Shader {
     City,
     Vehicle,
     Contact,
+    Standing,
     Glow,
     Signal,
     Shadow,
@@ -71,10 +73,11 @@ pub(super) enum SampleCount {
 
 impl Shader {
     #[cfg(test)]
-    pub(super) const ALL: [Self; 18] = [
+    pub(super) const ALL: [Self; 19] = [
         Self::City,
         Self::Vehicle,
         Self::Contact,
+        Self::Standing,
         Self::Glow,
         Self::Signal,
         Self::Shadow,
@@ -97,6 +100,7 @@ impl Shader {
             Self::City => &[COMMON, LIGHT, VERTEX_LIT, CITY],
             Self::Vehicle => &[COMMON, LIGHT, VERTEX_LIT, VEHICLE],
             Self::Contact => &[COMMON, CONTACT],
+            Self::Standing => &[COMMON, STANDING],
             Self::Glow => &[COMMON, GLOW],
             Self::Signal => &[COMMON, SIGNAL],
             Self::Shadow => &[COMMON, SHADOW],
@@ -129,6 +133,7 @@ impl Shader {
                 Self::City => "city",
                 Self::Vehicle => "vehicle",
                 Self::Contact => "contact",
+                Self::Standing => "standing",
                 Self::Glow => "glow",
                 Self::Signal => "signal",
                 Self::Shadow => "shadow",
