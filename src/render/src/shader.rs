@@ -24,6 +24,9 @@ macro_rules! shader_file {
 const COMMON: ShaderFile = shader_file!("common.wgsl");
 const LIGHT: ShaderFile = shader_file!("light.wgsl");
 const VERTEX_LIT: ShaderFile = shader_file!("vertex_lit.wgsl");
+const GROUND_DETAIL: ShaderFile = shader_file!("ground_detail.wgsl");
+const FOLIAGE: ShaderFile = shader_file!("foliage.wgsl");
+const ROOMS: ShaderFile = shader_file!("rooms.wgsl");
 const CITY: ShaderFile = shader_file!("city.wgsl");
 const VEHICLE: ShaderFile = shader_file!("vehicle.wgsl");
 const CONTACT: ShaderFile = shader_file!("contact.wgsl");
@@ -97,7 +100,7 @@ impl Shader {
 
     fn parts(self) -> &'static [ShaderFile] {
         match self {
-            Self::City => &[COMMON, LIGHT, VERTEX_LIT, CITY],
+            Self::City => &[COMMON, LIGHT, VERTEX_LIT, GROUND_DETAIL, FOLIAGE, ROOMS, CITY],
             Self::Vehicle => &[COMMON, LIGHT, VERTEX_LIT, VEHICLE],
             Self::Contact => &[COMMON, CONTACT],
             Self::Standing => &[COMMON, STANDING],
@@ -188,6 +191,8 @@ fn surface_constants() -> String {
         ("SLABS", Surface::Slabs),
         ("SETTS", Surface::Setts),
         ("CONCRETE", Surface::Concrete),
+        ("GRAVEL", Surface::Gravel),
+        ("SAND", Surface::Sand),
     ];
     let [r, g, b] = ASPHALT.colour.map(linear_from_srgb);
     layers.map(|(name, surface)| format!("const {name}: u32 = {}u;\n", surface as u32)).concat()
