@@ -247,11 +247,13 @@ fn lit_pixel(in: Fragment) -> HdrPixel {
     let dx = vec4<f32>(edges[0].xy, uv_dx.xy);
     let dy = vec4<f32>(edges[1].xy, uv_dx.zw);
     let pixel = pixel_on_ground(edges[0], edges[1]);
+    let wet = wetness(in.layer, in.normal.z);
     var tone = vec3<f32>(1.0);
     if normal.z > 0.7 && pixel.x < DETAIL_PIXEL_M && has_ground_detail(in.layer) {
         let near = ground_detail(in.layer, in.world.xy, in.uv, dx, dy, pixel);
         tone = near.tone;
-        normal = normalize(normal - vec3<f32>(near.slope, 0.0));
+        // Water fills the relief.
+        normal = normalize(normal - vec3<f32>(near.slope * (1.0 - 0.8 * wet), 0.0));
     }
     if layer == LEAVES || layer == NEEDLES {
         let leafy = near_foliage(Foliage(pattern, normal, 0.0), layer, in.uv, edges, uv_dx);
@@ -289,7 +291,6 @@ fn lit_pixel(in: Fragment) -> HdrPixel {
     m.openness = in.colour.a;
     m.metallic = 0.0;
     m.translucent = select(0.0, 0.4, layer == LEAVES || layer == NEEDLES);
-    let wet = wetness(in.layer, in.normal.z);
     if wet > 0.0 {
         m = wet_pbr(m, in.world, wet);
     }

@@ -97,7 +97,8 @@ const DETAIL_PIXEL_M: f32 = 0.025;
 
 fn has_ground_detail(layer: u32) -> bool {
     let is_road = layer == ASPHALT || layer == LANE || layer == LINE || layer == PATCH || layer == MANHOLE;
-    return is_road || layer == GRASS || layer == SLABS || layer == SETTS || layer == CONCRETE || layer == SAND || layer == GRAVEL;
+    let is_paved = layer == SLABS || layer == SETTS || layer == CONCRETE;
+    return is_road || is_paved || layer == GRASS || layer == SAND || layer == GRAVEL;
 }
 
 // Ratio of a texture to its mean, on the ground at a scale of its own.
@@ -149,7 +150,16 @@ fn joint_detail(layer: u32, uv: vec2<f32>, axes: mat2x2<f32>, per_pixel: f32) ->
     return GroundDetail(vec3<f32>(tone), axes * shoulder * 0.5);
 }
 
-fn ground_detail(layer: u32, world: vec2<f32>, uv: vec2<f32>, dx: vec4<f32>, dy: vec4<f32>, pixel: vec2<f32>) -> GroundDetail {
+// Detail of a layer at a place. `dx` and `dy` are derivatives of place (xy) and texture coordinates (zw) across and down
+// the picture, `pixel` the size of a pixel there.
+fn ground_detail(
+    layer: u32,
+    world: vec2<f32>,
+    uv: vec2<f32>,
+    dx: vec4<f32>,
+    dy: vec4<f32>,
+    pixel: vec2<f32>,
+) -> GroundDetail {
     let middle = detail_seen(pixel, 0.03);
     if layer == GRASS {
         var lawn = lawn_detail(world, pixel);

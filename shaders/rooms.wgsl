@@ -1,6 +1,6 @@
 // Rooms behind windows: interior mapping (van Dongen 2008, Interior mapping: a new technique for rendering realistic
-// buildings). A ray from the eye goes on behind the pane until it meets a wall, the floor or the ceiling of a room that is
-// as high as a storey.
+// buildings). A ray from the eye goes on behind the pane until it meets a wall, the floor or the ceiling of a room that
+// is as high as a storey.
 
 // Width of rooms, in bays: the window is in their middle.
 const ROOM_BAYS: f32 = 2.0;
@@ -56,7 +56,8 @@ fn room_seen(uv: vec2<f32>, seed: u32, ray: vec3<f32>) -> vec4<f32> {
             colour = select(vec3<f32>(1.15, 1.12, 1.05), vec3<f32>(2.2, 2.0, 1.6), off.x < 0.07 && off.y < 0.30);
         } else {
             let is_rug = off.x < 0.25 && off.y < 0.28 * depth;
-            colour = select(vec3<f32>(0.50, 0.36, 0.24), mix(vec3<f32>(0.5, 0.16, 0.12), vec3<f32>(0.2, 0.26, 0.4), more.z), is_rug);
+            let rug = mix(vec3<f32>(0.5, 0.16, 0.12), vec3<f32>(0.2, 0.26, 0.4), more.z);
+            colour = select(vec3<f32>(0.50, 0.36, 0.24), rug, is_rug);
         }
     } else if far == back {
         colour = wall;
@@ -68,7 +69,8 @@ fn room_seen(uv: vec2<f32>, seed: u32, ray: vec3<f32>) -> vec4<f32> {
         if is_shelf {
             let board = step(0.82, fract(at.y * 11.0));
             let books = fract(floor(at.x * 70.0) * 0.618 + floor(at.y * 11.0) * 0.37);
-            colour = mix(mix(vec3<f32>(0.42, 0.20, 0.14), vec3<f32>(0.20, 0.28, 0.36), books), vec3<f32>(0.34, 0.24, 0.15), board);
+            let row = mix(vec3<f32>(0.42, 0.20, 0.14), vec3<f32>(0.20, 0.28, 0.36), books);
+            colour = mix(row, vec3<f32>(0.34, 0.24, 0.15), board);
         } else if is_picture {
             colour = mix(vec3<f32>(0.30, 0.42, 0.50), vec3<f32>(0.62, 0.48, 0.26), dice.z);
         }
