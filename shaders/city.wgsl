@@ -102,6 +102,15 @@ const PUDDLES: vec2<f32> = vec2<f32>(0.595, 0.645);
 // Emissive strength of name boards at night, times their colour.
 const BOARD_EMISSION: f32 = 0.55;
 
+fn is_shop(layer: u32) -> bool {
+    return layer == SHOPFRONT || layer == BOUTIQUE || layer == TEAROOM;
+}
+
+// Whether there are rooms behind the panes of a wall.
+fn has_rooms(layer: u32) -> bool {
+    return layer == WINDOWS || layer == GLAZING || is_shop(layer) || (layer >= SASH && layer <= BALCONY);
+}
+
 // Seed of one wall of a building: its normal tells the walls apart.
 fn wall_seed(seed: u32, normal: vec3<f32>) -> u32 {
     let side = vec2<u32>(normal.xy * 3.0 + 3.5);
@@ -140,15 +149,13 @@ fn emission(layer: u32, seed: u32, uv: vec2<f32>, texel: vec4<f32>) -> vec3<f32>
     if layer == LANTERN {
         return vec3<f32>(5.0, 4.2, 2.9) * frame.zenith.w;
     }
-    let is_shop = layer == SHOPFRONT || layer == BOUTIQUE || layer == TEAROOM;
-    let has_windows = layer == WINDOWS || layer == GLAZING || is_shop || (layer >= SASH && layer <= BALCONY);
-    if !has_windows {
+    if !has_rooms(layer) {
         return vec3<f32>(0.0);
     }
     let bay = floor(uv);
     let dice = fract(sin(dot(bay, vec2<f32>(12.9898, 78.233)) + f32(layer) * 3.7 + f32(seed) * 0.731) * 437.5453);
     let is_lit = select(0.0, 1.0, dice < 0.38);
-    if is_shop {
+    if is_shop(layer) {
         // Goods in their own colours under the lamps of the room.
         let tint = mix(vec3<f32>(1.0, 0.86, 0.66), vec3<f32>(0.95, 0.95, 0.88), fract(dice * 17.0));
         let pane = 1.0 - smoothstep(0.42, 0.7, texel.a);
@@ -180,17 +187,21 @@ fn crown_pixel(in: Fragment) -> vec4<f32> {
     let from_eye = in.world - view.eye.xyz;
     let distance = length(from_eye);
     let to_eye = -from_eye / distance;
-    let normal = normalize(in.normal);
+    let smooth_normal = normalize(in.normal);
+    let uv_dx = vec4<f32>(dpdx(in.uv), dpdy(in.uv));
+    let dx = array<vec3<f32>, 2>(dpdx(in.world), dpdy(in.world));
+    let leafy = near_foliage(Foliage(texel.rgb, smooth_normal, texel.g), LEAVES, in.uv, dx, uv_dx);
+    let crown = far_wood(leafy, in.world, pixel_on_ground(dx[0], dx[1]));
     // Near the outline only the brightest leaves cover the background.
     let pixel = 2.0 * distance * abs(view.camera_from_clip[1][1]) / view.extent.y;
     let near = 1.0 - smoothstep(LEAVES_FADE.x, LEAVES_FADE.y, pixel);
     let sprays = textureSample(surfaces, surface_sampler, in.uv * 0.20, LEAVES).g;
     // In dark parts of the crown other leaves lie behind those of the outline.
     let bare = smoothstep(0.50, 0.78, in.colour.a);
-    let least = 0.80 * near * bare * (1.0 - smoothstep(0.0, 0.65, dot(normal, to_eye)));
-    let cover = clamp((0.35 * texel.g + 0.65 * sprays - least) * 12.0 + 0.5, 0.0, 1.0);
-    let leaf = PbrMaterial(texel.rgb * in.colour.rgb, in.colour.a, texel.a, 0.0, 0.4, 0.0);
-    let seen = hdr_pixel(shade(leaf, in.world, normal, to_eye), vec3<f32>(0.0), from_eye);
+    let least = 0.80 * near * bare * (1.0 - smoothstep(0.0, 0.65, dot(smooth_normal, to_eye)));
+    let cover = clamp((0.35 * crown.height + 0.65 * sprays - least) * 12.0 + 0.5, 0.0, 1.0);
+    let leaf = PbrMaterial(crown.albedo * in.colour.rgb, in.colour.a, texel.a, 0.0, 0.4, 0.0);
+    let seen = hdr_pixel(shade(leaf, in.world, crown.normal, to_eye), vec3<f32>(0.0), from_eye);
     return vec4<f32>(seen.radiance.rgb, cover);
 }
 
@@ -208,8 +219,20 @@ fn lit_pixel(in: Fragment) -> HdrPixel {
     let is_line = in.layer == LINE;
     let layer = select(in.layer, ASPHALT, is_line);
     let uv = select(in.uv, in.world.xy * 0.2, is_line);
-    let texel = textureSampleBias(surfaces, surface_sampler, uv, layer, -0.5);
+    var texel = textureSampleBias(surfaces, surface_sampler, uv, layer, -0.5);
     let across = length(vec2<f32>(dpdx(in.uv.x), dpdy(in.uv.x)));
+    var room = vec4<f32>(1.0, 1.0, 1.0, 0.0);
+    let room_near = 1.0 - smoothstep(ROOM_FADE.x, ROOM_FADE.y, across);
+    let edges = array<vec3<f32>, 2>(dpdx(in.world), dpdy(in.world));
+    let uv_dx = vec4<f32>(dpdx(in.uv), dpdy(in.uv));
+    if has_rooms(layer) && room_near > 0.0 && texel.a < 0.45 {
+        let ray = ray_behind(in.normal, normalize(in.world - view.eye.xyz), edges, uv_dx);
+        if is_shop(layer) {
+            texel = mix(texel, goods_behind(texel, layer, in.uv, ray, uv_dx), room_near);
+        } else {
+            room = room_seen(in.uv, wall_seed(in.seed, in.normal), ray);
+        }
+    }
     var pattern = texel.rgb;
     if detail {
         let ground = select(ASPHALT, GRASS, layer == GRASS);
@@ -219,15 +242,38 @@ fn lit_pixel(in: Fragment) -> HdrPixel {
             pattern *= 0.5 + 0.5 * broad / 0.6;
         }
     }
-    let normal = normalize(in.normal);
+    var normal = normalize(in.normal);
+    // Derivatives of all pixels, also of those that are far.
+    let dx = vec4<f32>(edges[0].xy, uv_dx.xy);
+    let dy = vec4<f32>(edges[1].xy, uv_dx.zw);
+    let pixel = pixel_on_ground(edges[0], edges[1]);
+    let wet = wetness(in.layer, in.normal.z);
+    var tone = vec3<f32>(1.0);
+    if normal.z > 0.7 && pixel.x < DETAIL_PIXEL_M && has_ground_detail(in.layer) {
+        let near = ground_detail(in.layer, in.world.xy, in.uv, dx, dy, pixel);
+        tone = near.tone;
+        // Water fills the relief.
+        normal = normalize(normal - vec3<f32>(near.slope * (1.0 - 0.8 * wet), 0.0));
+    }
+    if layer == LEAVES || layer == NEEDLES {
+        let leafy = near_foliage(Foliage(pattern, normal, 0.0), layer, in.uv, edges, uv_dx);
+        let near = far_wood(leafy, in.world, pixel);
+        pattern = near.albedo;
+        normal = near.normal;
+    }
+    pattern *= tone;
     var m: PbrMaterial;
     m.albedo = pattern * in.colour.rgb;
+    var daylit = vec3<f32>(0.0);
     if layer == WINDOWS || (layer >= SASH && layer <= BALCONY) {
         let behind = behind_pane(layer, wall_seed(in.seed, in.normal), in.uv);
         let pane = 1.0 - smoothstep(0.16, 0.45, texel.a);
         // Farther away than folds and slats can be told, a window is as the texture has it.
         let near = 1.0 - smoothstep(0.02, 0.06, across);
         m.albedo = mix(m.albedo, behind.rgb, behind.a * pane * near);
+        // Little daylight reaches the back of a room, and hardly any of the sun.
+        let is_room = select(0.0, room_near * pane, room.a > 0.0) * (1.0 - behind.a * near);
+        daylit = room.rgb * frame.sky_light.rgb * (is_room * ROOM_ALBEDO / (1.0 + 0.4 * room.a));
     }
     // Asphalt is never fully rough.
     m.roughness = select(texel.a, LACQUER, layer == CAR_PAINT);
@@ -237,7 +283,7 @@ fn lit_pixel(in: Fragment) -> HdrPixel {
     }
     if is_line {
         // Paint wears off raised stones.
-        let paint = in.colour.rgb * (0.62 + 0.5 * texel.g);
+        let paint = in.colour.rgb * (0.62 + 0.5 * texel.g) * (0.55 + 0.45 * tone);
         let cover = line_coverage(in.uv, across);
         m.albedo = mix(pattern * ASPHALT_TINT, paint, cover);
         m.roughness = mix(m.roughness, 0.7, cover);
@@ -245,17 +291,20 @@ fn lit_pixel(in: Fragment) -> HdrPixel {
     m.openness = in.colour.a;
     m.metallic = 0.0;
     m.translucent = select(0.0, 0.4, layer == LEAVES || layer == NEEDLES);
-    let wet = wetness(in.layer, normal.z);
     if wet > 0.0 {
         m = wet_pbr(m, in.world, wet);
     }
     let from_eye = in.world - view.eye.xyz;
     let lit = shade(m, in.world, normal, -normalize(from_eye));
     var glow = emission(in.layer, wall_seed(in.seed, in.normal), in.uv, texel);
+    if room.a > 0.0 {
+        // The lamp of a lit room hangs in its middle.
+        glow *= mix(vec3<f32>(1.0), 1.5 * room.rgb, room_near);
+    }
     if lamplit && layer == LETTERS {
         glow = m.albedo * (BOARD_EMISSION * frame.zenith.w);
     }
-    return hdr_pixel(lit, glow, from_eye);
+    return hdr_pixel(lit, glow + daylit, from_eye);
 }
 
 // Albedo of the texture, which stores the square root of reflectance: decoding is one multiplication.

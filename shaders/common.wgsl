@@ -21,6 +21,7 @@ struct Frame {
 
 struct View {
     clip_from_world: mat4x4<f32>,
+    // City, metres; w: number of the picture among those that are averaged.
     eye: vec4<f32>,
     // From clip coordinates: x right, y down, z forward, metres.
     camera_from_clip: mat4x4<f32>,

@@ -9,6 +9,10 @@ override contact_shadows: bool = false;
 override reflections: bool = false;
 
 @group(1) @binding(4) var reflection_map: texture_2d<f32>;
+// Mean of several pictures.
+@group(1) @binding(5) var mean_map: texture_2d<f32>;
+// Share of a picture in the mean.
+override share: f32 = 1.0;
 // Whether the target is of an sRGB format, which encodes once more.
 override target_is_srgb: bool = false;
 
@@ -59,12 +63,13 @@ fn blurred_visibility(place: TilePixel) -> vec2<f32> {
 fn smoothed_reflection(place: TilePixel) -> vec4<f32> {
     let here = textureLoad(reflection_map, place.origin + place.pixel, 0);
     var sum = vec4<f32>(0.0);
-    for (var k = 0; k < 9; k++) {
-        let off = vec2<i32>(k % 3, k / 3) - 1;
+    for (var k = 0; k < 25; k++) {
+        let off = vec2<i32>(k % 5, k / 5) - 2;
         let near = textureLoad(reflection_map, texel_of(place, place.pixel + off), 0);
-        // Of the same surface: 4, 2 and 1 for this pixel, its sides and its corners.
-        let weight = f32(4 >> u32(abs(off.x) + abs(off.y))) * select(0.0, 1.0, near.a > 0.0);
-        sum += weight * vec4<f32>(near.rgb, 1.0);
+        // Binomial weights of 6, 4 and 1 along both axes, for pixels of the same surface: its reflectance is much the same.
+        let weights = vec2<f32>(6.0) - vec2<f32>(abs(off)) * (1.5 + 0.5 * vec2<f32>(abs(off)));
+        let alike = max(1.0 - 2.0 * abs(near.a - here.a) / max(here.a, 1e-3), 0.0);
+        sum += weights.x * weights.y * alike * vec4<f32>(near.rgb, 1.0);
     }
     return vec4<f32>(sum.rgb / max(sum.a, 1.0), here.a);
 }
@@ -129,9 +134,8 @@ fn is_inside(place: TilePixel) -> bool {
     return depth > 0.0 && point.z < INSIDE_M * point.w;
 }
 
-@fragment
-fn fragment_main(in: Tile) -> @location(0) vec4<f32> {
-    let place = tile_pixel(in);
+// Displayed light of a pixel, before the sRGB encoding.
+fn displayed(place: TilePixel) -> vec3<f32> {
     var occlusion = 0.0;
     var contact = 0.0;
     if ambient_occlusion {
@@ -168,7 +172,29 @@ fn fragment_main(in: Tile) -> @location(0) vec4<f32> {
         }
         sum += aces_filmic(sample.rgb * (frame.sun.w * (1.0 - dark)) + drops);
     }
-    let shown = srgb_from_linear_exactly(sum / f32(count)) + dither(place.pixel) / 255.0;
+    return sum / f32(count);
+}
+
+fn encoded(light: vec3<f32>, pixel: vec2<i32>) -> vec3<f32> {
+    return srgb_from_linear_exactly(light) + dither(pixel) / 255.0;
+}
+
+// Adds to the mean of several pictures.
+@fragment
+fn accumulate_fragment(in: Tile) -> @location(0) vec4<f32> {
+    return vec4<f32>(displayed(tile_pixel(in)) * share, share);
+}
+
+@fragment
+fn encode_fragment(in: Tile) -> @location(0) vec4<f32> {
+    let place = tile_pixel(in);
+    return vec4<f32>(encoded(textureLoad(mean_map, place.origin + place.pixel, 0).rgb, place.pixel), 1.0);
+}
+
+@fragment
+fn fragment_main(in: Tile) -> @location(0) vec4<f32> {
+    let place = tile_pixel(in);
+    let shown = encoded(displayed(place), place.pixel);
     if target_is_srgb {
         return vec4<f32>(linear_from_srgb_exactly(clamp(shown, vec3<f32>(0.0), vec3<f32>(1.0))), 1.0);
     }

@@ -23,6 +23,14 @@ struct Fragment {
 // veil the picture.
 const MIN_RADIUS: f32 = 0.012;
 const MAX_RADIUS: f32 = 0.20;
+// Whether glow near the eye stays close to its lamp, so that housing and body are seen around it.
+override bounded: bool = false;
+// Share of the radius of a vehicle's lamp that is near, its limit, and its brightness; and distances between which it
+// becomes that of a far one, metres.
+const NEAR_SHARE: f32 = 0.45;
+const NEAR_MAX_RADIUS: f32 = 0.085;
+const NEAR_BRIGHTNESS: f32 = 0.55;
+const NEAR_M: vec2<f32> = vec2<f32>(18.0, 70.0);
 // Depth offset towards the eye: housing, pole or body lie less than this in front of the lens, metres.
 const HOUSING: f32 = 0.45;
 // Below a lamp the body of its vehicle is nearer to the eye by less than this, metres.
@@ -45,13 +53,21 @@ fn vertex_main(in: VertexIn) -> Fragment {
     // Shares of half the picture's width and height that a metre covers at the lens.
     let across = length(vec3<f32>(m[0].x, m[1].x, m[2].x)) / max(lens.w, 1e-3);
     let upright = length(vec3<f32>(m[0].y, m[1].y, m[2].y)) / max(lens.w, 1e-3);
-    let wanted = in.at.w * upright;
-    let radius = clamp(wanted, MIN_RADIUS, MAX_RADIUS);
+    var wanted = in.at.w * upright;
+    var largest = MAX_RADIUS;
+    var bright = 1.0;
+    if bounded && in.colour.w > 0.0 {
+        let far = smoothstep(NEAR_M.x, NEAR_M.y, distance);
+        wanted *= mix(NEAR_SHARE, 1.0, far);
+        largest = NEAR_MAX_RADIUS;
+        bright = mix(NEAR_BRIGHTNESS, 1.0, far);
+    }
+    let radius = clamp(wanted, MIN_RADIUS, largest);
     let fainter = min(wanted / MIN_RADIUS, 1.0);
     let clear = fog_transmittance(-to_eye, view.eye.z, frame.haze.w);
     var out: Fragment;
     out.at = corner;
-    out.colour = in.colour.rgb * (beam * fainter * fainter * clear * frame.zenith.w);
+    out.colour = in.colour.rgb * (bright * beam * fainter * fainter * clear * frame.zenith.w);
     let is_seen = lens.w > 0.0 && max(out.colour.r, max(out.colour.g, out.colour.b)) * frame.sun.w > 0.004;
     let reach = select(0.0, radius, is_seen);
     out.clip = lens + vec4<f32>(corner * vec2<f32>(across / upright, 1.0) * (reach * lens.w), 0.0, 0.0);

@@ -75,7 +75,8 @@ fn fragment_main(in: Tile) -> @location(0) vec4<f32> {
     // Each of 4 by 4 pixels rotates the spiral by its entry of a Bayer matrix; the display pass blurs over all 16.
     let cell = vec2<u32>(place.pixel & vec2<i32>(3));
     let bayer = ((cell.x ^ cell.y) & 1u) * 8u + (cell.y & 1u) * 4u + ((cell.x ^ cell.y) & 2u) + ((cell.y & 2u) >> 1u);
-    let turn = f32(bayer) / 16.0;
+    // Each of the pictures that are averaged turns it further.
+    let turn = fract(f32(bayer) / 16.0 + 0.6180340 * view.eye.w);
     let step_in = fract(f32(bayer) * 0.3125 + 0.03125);
 
     let radius = reach / scale;

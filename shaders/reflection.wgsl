@@ -13,6 +13,9 @@ const THICKNESS_M: f32 = 0.35;
 const THICKNESS_PER_M: f32 = 0.02;
 // Rays fade out towards the edges of the picture, beyond which nothing is known, as a share of its extent.
 const EDGE: f32 = 0.12;
+// Share of the longest ray over which reflections fade out, and of the thickness of what a ray has passed behind.
+const END: f32 = 0.35;
+const PASSED: f32 = 0.4;
 // Weaker reflections are not seen.
 const LEAST: f32 = 0.004;
 
@@ -44,12 +47,20 @@ fn is_surface(excess_m: f32, depth_m: f32) -> bool {
     return excess_m > 0.0 && excess_m < THICKNESS_M + THICKNESS_PER_M * depth_m;
 }
 
+// Part of a step by which a ray is shifted, 0 to 1: neighbouring pixels, and the pictures that are averaged, find what
+// lies between the steps of others (interleaved gradient noise, Jimenez 2014).
+fn step_shift(pixel: vec2<i32>) -> f32 {
+    let at = vec2<f32>(pixel) + 5.588238 * view.eye.w;
+    return fract(52.9829189 * fract(dot(at, vec2<f32>(0.06711056, 0.00583715))));
+}
+
 // Share of a ray at which it meets a surface; negative where it meets none.
 fn meets(place: TilePixel, ray: Ray) -> f32 {
+    let shift = step_shift(place.pixel);
     var before = 0.0;
     for (var k = 1u; k <= reflection_steps; k++) {
         // Short steps at first: what is near is mirrored in detail.
-        let part = f32(k) / f32(reflection_steps);
+        let part = (f32(k) - shift) / f32(reflection_steps);
         let share = part * mix(part, 1.0, 0.4);
         let excess = behind(place, ray, share);
         // A long step may end far behind a surface that it has crossed.
@@ -119,10 +130,16 @@ fn fragment_main(in: Tile) -> @location(0) vec4<f32> {
     }
     let found = pixel_on(cut, share);
     let at = vec2<f32>(found) / view.extent.xy;
-    let inside = min(at, 1.0 - at) / EDGE;
+    let inside = smoothstep(vec2<f32>(0.0), vec2<f32>(EDGE), min(at, 1.0 - at));
     // Of what faces the camera's back nothing is seen: such rays would mirror the front of things instead.
     let forward = smoothstep(-0.35, 0.0, direction.z);
-    let fade = clamp(min(inside.x, inside.y), 0.0, 1.0) * forward;
+    // A ray that ends, or that passes behind an edge, fades out before it does.
+    let depth = depth_on(cut, share);
+    let metres = abs(depth - start.z) / max(abs(direction.z), 0.02);
+    let ending = 1.0 - smoothstep(1.0 - END, 1.0, metres / REACH_M);
+    let excess = behind(place, cut, share) / (THICKNESS_M + THICKNESS_PER_M * depth);
+    let passed = 1.0 - smoothstep(1.0 - PASSED, 1.0, excess);
+    let fade = inside.x * inside.y * forward * ending * passed;
     let seen = mean_radiance(place, found);
     return vec4<f32>(fade * (mirror.a * seen - mirror.rgb), mirror.a);
 }

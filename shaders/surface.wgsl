@@ -13,7 +13,9 @@ fn half_field() -> vec2<f32> {
 
 // Pixel of a point before the camera.
 fn pixel_of(point: vec3<f32>) -> vec2<f32> {
-    return (point.xy / (point.z * half_field()) * 0.5 + 0.5) * view.extent.xy;
+    // The optical axis is not in the middle of a picture that is shifted for the mean of several.
+    let middle = view.camera_from_clip[3].xy / view.camera_from_clip[3].z;
+    return ((point.xy / point.z - middle) / half_field() * 0.5 + 0.5) * view.extent.xy;
 }
 
 struct SurfacePoint {

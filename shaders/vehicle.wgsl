@@ -28,6 +28,9 @@ struct Fragment {
 // Albedo of the whitest paint.
 const PAINT_REFLECTS: f32 = 0.80;
 
+// Brightness of head lamps by day, as a share of that of light at the vertices.
+const RUNNING_LIGHT: f32 = 0.5;
+
 // World position, normal, material and emission of a vertex.
 struct SurfaceVertex {
     world: vec3<f32>,
@@ -82,7 +85,9 @@ fn vertex_main(in: VertexIn) -> Fragment {
         select(0.05, 0.42, part == GLASS),
         select(0.0, 1.0, part == PAINT),
     );
-    out.glow = surface.glow;
+    // Running lights by day leave the lamp behind its glass to be seen.
+    let is_by_day = frame.zenith.w <= 0.0;
+    out.glow = surface.glow * select(1.0, RUNNING_LIGHT, part == HEAD && is_by_day);
     return out;
 }
 

@@ -79,8 +79,8 @@ fn pixel_bytes(attachments: Attachments, developed: bool) -> u64 {
     let samples = u64::from(attachments.samples);
     let (shown, depth) = (4, 4 * samples);
     let (radiance, occlusion) = (8 * samples, 8);
-    // The finest preset has reflections, and contact shadows in a wider occlusion map.
-    let reflection = if attachments.reflects { 8 * samples + 16 } else { 0 };
+    // The finest preset has reflections, contact shadows in a wider occlusion map, and the mean of several pictures.
+    let reflection = if attachments.reflects { 8 * samples + 24 } else { 0 };
     match (developed, samples) {
         (true, _) => shown + depth + radiance + occlusion + reflection,
         (false, 1) => shown + depth,

@@ -4,11 +4,13 @@
 use super::atlas::Atlas;
 use super::daylight::Light;
 use super::fleet::{FleetRenderer, OwnVehicle, VisibleVehicle};
-use super::frustum::{Frustum, PixelScale};
+use super::frame_constants::constant_frame;
+use super::frustum::{Frustum, PixelScale, corner_rays};
 use super::geometry::DrawBucket;
 use super::gpu_timer::GpuTimer;
 use super::grid::Tile;
 use super::ground_truth::{self, GroundTruthRenderer, GroundTruthTile};
+use super::jitter::SubpixelJitter;
 use super::occlusion_horizon::AzimuthSector;
 use super::passes::city::{CityPass, CityPassInput};
 use super::passes::common::{FrameBindGroup, gpu_data};
@@ -20,6 +22,7 @@ use super::passes::overlay::{OverlayPass, OverlayTarget};
 use super::passes::shadow::{ShadowPass, SunView};
 use super::passes::signals::SignalPass;
 use super::passes::sky::SkyPass;
+use super::passes::standing::StandingPass;
 use super::passes::vehicle::VehiclePass;
 use super::passes::{Attachments, light_constants};
 use super::post_process::PostProcess;
@@ -29,12 +32,12 @@ use super::static_scene::{
     CullContext, IndexLists, PreparedGeometry, StaticScene, TextureDetail, VisibleRanges,
 };
 use super::textures::BakedTextures;
-use super::{Context, RenderError, Settings, TargetView, weather};
+use super::{Context, RenderError, Settings, TargetView};
 use city3d_models::Model;
 use city3d_protocol::snapshot::{BodyType, FrameSnapshot};
 use city3d_scene::SceneDescription;
 use city3d_sensors::{PictureKind, View, Weather};
-use glam::{DMat4, DVec3, Vec3};
+
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
@@ -54,6 +57,8 @@ pub(super) struct DeviceRenderer {
     city: CityPass,
     vehicles: VehiclePass,
     contact: ContactPass,
+    /// With light per pixel.
+    standing: Option<StandingPass>,
     sky: SkyPass,
     /// At night.
     glow: Option<GlowPass>,
@@ -156,6 +161,8 @@ impl DeviceRenderer {
             ),
             vehicles: VehiclePass::new(device, attachments, (&frame_constants, &constants), groups),
             contact: ContactPass::new(device, attachments, &frame.layout),
+            standing: (!vertex_lit)
+                .then(|| StandingPass::new(device, attachments, &frame.layout, (scene, lamplit))),
             sky: SkyPass::new(context, attachments, textures, groups),
             glow: lamplit.then(|| {
                 let is_wet = settings.weather == Weather::Rain;
@@ -232,7 +239,7 @@ impl DeviceRenderer {
         requests: &[RenderRequest],
     ) -> PendingDeviceReadback {
         let views: Vec<View> = requests.iter().map(|request| request.view).collect();
-        let mut encoder = self.prepare(snapshot, &views);
+        let mut encoder = self.prepare(snapshot, &views, self.averaged_pictures());
         let (layouts, bytes) = readback_layouts(requests);
         if layouts.iter().any(|layout| layout.depth.or(layout.labels).is_some()) {
             let device = &self.context.device;
@@ -285,7 +292,7 @@ impl DeviceRenderer {
                 .map(|(tile, &(index, _))| (index, atlas.grid.origin(tile)))
                 .collect();
             let target = (&atlas.color_view, self.attachments.display_format);
-            self.draw_tiles(encoder, atlas, target, visible, &tiles);
+            self.draw_tiles(encoder, atlas, target, (visible, self.averaged_pictures()), &tiles);
             for (tile, &(_, at)) in batch.iter().enumerate() {
                 atlas.grid.copy_tile(encoder, (&atlas.color, tile), (buffer, at));
             }
@@ -318,7 +325,7 @@ impl DeviceRenderer {
 
     /// Draws views of one instant into targets, each view into the target of the same index.
     pub(super) fn draw(&mut self, snapshot: &FrameSnapshot, views: &[View], targets: &[TargetView<'_>]) {
-        let mut encoder = self.prepare(snapshot, views);
+        let mut encoder = self.prepare(snapshot, views, 1);
         let (in_colour, in_palette): (Vec<_>, Vec<_>) = targets
             .iter()
             .enumerate()
@@ -349,7 +356,8 @@ impl DeviceRenderer {
             post_process.prepare_pipeline(device, &self.frame.layout, target.format);
         }
         let Some(atlas) = self.targets.get(&target.extent) else { return };
-        self.draw_tiles(encoder, atlas, (target.color, target.format), visible, &[(index, [0, 0])]);
+        let tiles = [(index, [0, 0])];
+        self.draw_tiles(encoder, atlas, (target.color, target.format), (visible, 1), &tiles);
         if let Some(overlay) = overlay {
             let pass = self.overlay.take().filter(|pass| pass.format() == target.format);
             let pass = pass.unwrap_or_else(|| {
@@ -384,10 +392,19 @@ impl DeviceRenderer {
         }
     }
 
-    /// Writes the uniforms and instances of a snapshot, and redraws vehicles in the shadow map and the light map.
-    fn prepare(&mut self, snapshot: &FrameSnapshot, views: &[View]) -> wgpu::CommandEncoder {
+    /// How many pictures of a view are averaged: see [`super::Quality::jitter_samples`].
+    fn averaged_pictures(&self) -> u32 {
+        if self.post_process.is_some() { self.settings.quality.jitter_samples.max(1) } else { 1 }
+    }
+
+    /// Writes the uniforms and instances of a snapshot, and redraws vehicles in the shadow map and the light map. Uniforms
+    /// of all views come once for each of the `averaged` pictures.
+    fn prepare(&mut self, snapshot: &FrameSnapshot, views: &[View], averaged: u32) -> wgpu::CommandEncoder {
         self.fleet.update(&self.context, snapshot);
-        let view_uniforms: Vec<gpu_data::View> = views.iter().map(gpu_data::View::new).collect();
+        let jitters = (0..averaged).map(|sample| SubpixelJitter::new(sample, averaged));
+        let view_uniforms: Vec<gpu_data::View> = jitters
+            .flat_map(|jitter| views.iter().map(move |view| gpu_data::View::new(view, jitter)))
+            .collect();
         let frame = self.frame_data(snapshot.time_s as f32);
         let device = &self.context.device;
         self.frame.write(device, &self.context.queue, &frame, &view_uniforms);
@@ -421,27 +438,41 @@ impl DeviceRenderer {
         }
     }
 
+    /// Draws tiles to a target, as the mean of `averaged` pictures.
     fn draw_tiles(
         &self,
         encoder: &mut wgpu::CommandEncoder,
         atlas: &Atlas,
         target: (&wgpu::TextureView, wgpu::TextureFormat),
-        visible: &[VisibleSet],
+        (visible, averaged): (&[VisibleSet], u32),
         tiles: &[(usize, [u32; 2])],
     ) {
-        self.draw_samples(encoder, atlas, target.0, visible, tiles);
-        if let Some((post_process, hdr_target)) = self.post_process.as_ref().zip(atlas.hdr_target.as_ref()) {
-            post_process.draw(encoder, (&self.frame, hdr_target), target, (tiles, atlas.grid.tile));
+        let Some((post_process, hdr_target)) = self.post_process.as_ref().zip(atlas.hdr_target.as_ref())
+        else {
+            return self.draw_samples(encoder, atlas, target.0, (visible, 0), tiles);
+        };
+        let hdr = (&self.frame, hdr_target);
+        if averaged < 2 {
+            self.draw_samples(encoder, atlas, target.0, (visible, 0), tiles);
+            return post_process.draw(encoder, hdr, target, (tiles, atlas.grid.tile));
         }
+        for sample in 0..averaged as usize {
+            let first_slot = sample * visible.len();
+            self.draw_samples(encoder, atlas, target.0, (visible, first_slot), tiles);
+            let slots: Vec<_> = tiles.iter().map(|&(index, origin)| (first_slot + index, origin)).collect();
+            post_process.accumulate(encoder, hdr, (&slots, atlas.grid.tile), sample == 0);
+        }
+        post_process.draw_mean(encoder, hdr, target.0, (tiles, atlas.grid.tile));
     }
 
-    /// Colour pass over tiles of an atlas: radiance into the HDR target, or displayed colours into a target.
+    /// Colour pass over tiles of an atlas: radiance into the HDR target, or displayed colours into a target. Uniforms of
+    /// the views begin at `first_slot`.
     fn draw_samples(
         &self,
         encoder: &mut wgpu::CommandEncoder,
         atlas: &Atlas,
         color: &wgpu::TextureView,
-        visible: &[VisibleSet],
+        (visible, first_slot): (&[VisibleSet], usize),
         tiles: &[(usize, [u32; 2])],
     ) {
         let haze = self.daylight.haze_srgb;
@@ -481,7 +512,7 @@ impl DeviceRenderer {
         });
         let extent = atlas.grid.tile;
         for &(index, origin) in tiles {
-            pass.set_bind_group(0, &self.frame.group, &[FrameBindGroup::offset(index)]);
+            pass.set_bind_group(0, &self.frame.group, &[FrameBindGroup::offset(first_slot + index)]);
             pass.set_bind_group(1, &self.light.group, &[]);
             self.draw_view(&mut pass, Tile { origin, extent }, &visible[index]);
         }
@@ -512,7 +543,7 @@ impl DeviceRenderer {
         let whole = Frustum::new(&clip_from_world);
         let frustum = whole.cropped_to_top(visible_rows as f32 / view.extent[1] as f32);
         let eye = view.extrinsics.position.as_vec3();
-        let sector = AzimuthSector::of_view(&frustum_corner_rays(view.extrinsics.position, &in_full));
+        let sector = AzimuthSector::of_view(&corner_rays(view.extrinsics.position, &in_full));
         let horizon = self.static_scene.horizon(view.is_perspective().then_some(eye), sector, &frustum);
         let cull = CullContext {
             frustum: &frustum,
@@ -546,6 +577,9 @@ impl DeviceRenderer {
         if self.settings.flat.is_none() {
             self.sky.draw(pass);
             self.contact.draw(pass, &self.fleet, &visible.vehicles);
+            if let Some(standing) = &self.standing {
+                standing.draw(pass);
+            }
         }
         self.vehicles.draw_glass(pass, &self.fleet, &visible.vehicles);
         if let Some(glow) = &self.glow {
@@ -558,41 +592,5 @@ impl DeviceRenderer {
         let mut frame = self.frame_constants;
         frame.to_sun[3] = time_s;
         frame
-    }
-}
-
-/// Rays from the eye through the corners of the picture, counter-clockwise.
-fn frustum_corner_rays(eye: DVec3, clip_from_world: &DMat4) -> [Vec3; 4] {
-    let world_from_clip = clip_from_world.inverse();
-    [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)].map(|(x, y)| {
-        let corner = world_from_clip.project_point3(DVec3::new(x, y, 0.5));
-        (corner - eye).as_vec3()
-    })
-}
-
-/// Density of the fog at the ground in clear weather.
-const CLEAR_FOG_DENSITY: f32 = 1.0 / 2000.0;
-
-/// Uniforms of the frame that do not change: all but the time.
-fn constant_frame(
-    light: &Light,
-    sun_view: &SunView,
-    settings: &Settings,
-    lamp_uv_from_world: [f32; 4],
-) -> gpu_data::Frame {
-    let shadow_texels = settings.quality.shadow_texels;
-    // Flat light is that of a neutral scene.
-    let weather = if settings.flat.is_some() { Weather::Clear } else { settings.weather };
-    let with = |[r, g, b]: [f32; 3], w: f32| [r, g, b, w];
-    gpu_data::Frame {
-        to_sun: light.to_sun.extend(0.0).to_array(),
-        sun: with(light.sun, light.exposure),
-        sky_light: with(light.sky, 0.0),
-        ground_light: with(light.ground, 0.0),
-        haze: with(light.radiance_of(light.haze_srgb), weather::fog_density(weather, CLEAR_FOG_DENSITY)),
-        shadow_from_world: sun_view.shadow_from_world.to_cols_array_2d(),
-        shadow_texel: [1.0 / shadow_texels as f32, sun_view.texel_m, weather::wetness(weather), 0.0],
-        zenith: with(light.zenith, light.lamps),
-        lamp_uv_from_world,
     }
 }

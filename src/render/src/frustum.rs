@@ -1,6 +1,6 @@
 //! View frustum for culling, and the pixel scale of a view for the screen-space error.
 
-use glam::{Mat4, Vec3, Vec4};
+use glam::{DMat4, DVec3, Mat4, Vec3, Vec4};
 
 /// View frustum: six planes that point inwards.
 #[derive(Clone, Copy, Debug)]
@@ -65,11 +65,19 @@ impl PixelScale {
     }
 }
 
+/// Rays from the eye through the corners of the picture, counter-clockwise.
+pub(super) fn corner_rays(eye: DVec3, clip_from_world: &DMat4) -> [Vec3; 4] {
+    let world_from_clip = clip_from_world.inverse();
+    [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)].map(|(x, y)| {
+        let corner = world_from_clip.project_point3(DVec3::new(x, y, 0.5));
+        (corner - eye).as_vec3()
+    })
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
     use city3d_sensors::{Extrinsics, Lens, View};
-    use glam::DVec3;
 
     #[test]
     fn sees_what_projects_into_the_picture() {

@@ -3,7 +3,7 @@
 
 use super::passes::Attachments;
 use super::passes::common::FrameBindGroup;
-use super::passes::display::DisplayPass;
+use super::passes::display::{DisplayPass, MEAN_FORMAT};
 use super::passes::occlusion::{self, OcclusionPass};
 use super::passes::reflection::{self, ReflectionPass};
 use super::passes::tiles::Tiles;
@@ -16,6 +16,8 @@ pub(super) struct PostProcess {
     reflection: Option<ReflectionPass>,
     display: DisplayPass,
     occlusion_format: wgpu::TextureFormat,
+    /// Whether several pictures are averaged.
+    averages: bool,
 }
 
 /// Bindings of the HDR target, the depth buffer and the occlusion texture of an atlas.
@@ -28,6 +30,9 @@ pub(super) struct HdrTarget {
     reflection: wgpu::TextureView,
     reflection_group: Option<wgpu::BindGroup>,
     display_group: wgpu::BindGroup,
+    /// Mean of several pictures; one texel without.
+    mean: wgpu::TextureView,
+    mean_group: Option<wgpu::BindGroup>,
 }
 
 impl PostProcess {
@@ -43,7 +48,11 @@ impl PostProcess {
         let reflection = attachments.reflects.then(|| ReflectionPass::new(device, attachments, steps, frame));
         let mut display = DisplayPass::new(device, attachments, quality);
         display.prepare_pipeline(device, frame, attachments.display_format);
-        Self { occlusion, reflection, display, occlusion_format: occlusion::format(quality) }
+        let averages = quality.jitter_samples > 1;
+        if averages {
+            display.prepare_mean(device, frame, quality.jitter_samples);
+        }
+        Self { occlusion, reflection, display, occlusion_format: occlusion::format(quality), averages }
     }
 
     /// Makes the pipeline for targets of a pixel format, if it is missing.
@@ -79,11 +88,14 @@ impl PostProcess {
         };
         let occlusion = target("occlusion", self.occlusion.is_some(), self.occlusion_format);
         let reflection = target("reflections", self.reflection.is_some(), reflection::FORMAT);
+        let mean = target("mean", self.averages, MEAN_FORMAT);
         let reflected = [radiances, depths, mirrors];
         HdrTarget {
             occlusion_group: self.occlusion.as_ref().map(|pass| pass.bind(device, depths)),
             reflection_group: self.reflection.as_ref().map(|pass| pass.bind(device, reflected)),
             display_group: self.display.bind(device, [radiances, &occlusion, mirrors, &reflection]),
+            mean_group: self.display.bind_mean(device, &mean),
+            mean,
             occlusion,
             reflection,
         }
@@ -97,12 +109,48 @@ impl PostProcess {
         target: (&wgpu::TextureView, wgpu::TextureFormat),
         tiles: Tiles<'_>,
     ) {
+        self.draw_effects(encoder, (frame, hdr_target), tiles);
+        self.display.draw(encoder, target, (frame, &hdr_target.display_group), tiles);
+    }
+
+    /// Adds tiles of an atlas to their mean; the first picture replaces what is there.
+    pub(super) fn accumulate(
+        &self,
+        encoder: &mut wgpu::CommandEncoder,
+        (frame, hdr_target): (&FrameBindGroup, &HdrTarget),
+        tiles: Tiles<'_>,
+        is_first: bool,
+    ) {
+        self.draw_effects(encoder, (frame, hdr_target), tiles);
+        let mean = (&hdr_target.mean, is_first);
+        self.display.accumulate(encoder, mean, (frame, &hdr_target.display_group), tiles);
+    }
+
+    /// Draws the mean of tiles to a target.
+    pub(super) fn draw_mean(
+        &self,
+        encoder: &mut wgpu::CommandEncoder,
+        (frame, hdr_target): (&FrameBindGroup, &HdrTarget),
+        target: &wgpu::TextureView,
+        tiles: Tiles<'_>,
+    ) {
+        if let Some(group) = &hdr_target.mean_group {
+            self.display.draw_mean(encoder, target, (frame, group), tiles);
+        }
+    }
+
+    /// Draws ambient occlusion and reflections.
+    fn draw_effects(
+        &self,
+        encoder: &mut wgpu::CommandEncoder,
+        (frame, hdr_target): (&FrameBindGroup, &HdrTarget),
+        tiles: Tiles<'_>,
+    ) {
         if let Some((pass, group)) = self.occlusion.as_ref().zip(hdr_target.occlusion_group.as_ref()) {
             pass.draw(encoder, &hdr_target.occlusion, (frame, group), tiles);
         }
         if let Some((pass, group)) = self.reflection.as_ref().zip(hdr_target.reflection_group.as_ref()) {
             pass.draw(encoder, &hdr_target.reflection, (frame, group), tiles);
         }
-        self.display.draw(encoder, target, (frame, &hdr_target.display_group), tiles);
     }
 }

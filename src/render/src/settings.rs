@@ -25,6 +25,10 @@ pub struct Quality {
     pub reflection_steps: u32,
     /// Contact shadows of the sun in screen space: steps of a ray; 0 switches them off. They need [`Self::ssao_samples`].
     pub contact_steps: u32,
+    /// Temporal anti-aliasing of pictures that are read back: so many pictures, shifted by parts of a pixel, are
+    /// averaged. 0 and 1 switch it off. It needs light per pixel; depth and labels, and what is drawn to a window, stay as
+    /// they are.
+    pub jitter_samples: u32,
     /// Resolution of the shadow map: texels along an edge.
     pub shadow_texels: u32,
     /// Level of detail: largest screen-space error of a coarser mesh of the city, pixels.
@@ -55,6 +59,7 @@ impl Quality {
         ssao_samples: 6,
         reflection_steps: 0,
         contact_steps: 0,
+        jitter_samples: 0,
         shadow_texels: 2048,
         lod_error_px: 1.5,
         vehicle_lod_error_px: 1.125,
@@ -66,6 +71,7 @@ impl Quality {
         ssao_samples: 20,
         reflection_steps: 64,
         contact_steps: 16,
+        jitter_samples: 4,
         shadow_texels: 8192,
         lod_error_px: 0.3,
         vehicle_lod_error_px: 0.225,
@@ -81,6 +87,7 @@ impl Quality {
         ssao_samples: 10,
         reflection_steps: 0,
         contact_steps: 0,
+        jitter_samples: 0,
         shadow_texels: 4096,
         lod_error_px: 0.8,
         vehicle_lod_error_px: 0.6,
@@ -96,6 +103,7 @@ impl Quality {
         ssao_samples: 0,
         reflection_steps: 0,
         contact_steps: 0,
+        jitter_samples: 0,
         shadow_texels: 2048,
         lod_error_px: 5.0,
         vehicle_lod_error_px: 3.0,

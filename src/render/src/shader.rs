@@ -24,9 +24,13 @@ macro_rules! shader_file {
 const COMMON: ShaderFile = shader_file!("common.wgsl");
 const LIGHT: ShaderFile = shader_file!("light.wgsl");
 const VERTEX_LIT: ShaderFile = shader_file!("vertex_lit.wgsl");
+const GROUND_DETAIL: ShaderFile = shader_file!("ground_detail.wgsl");
+const FOLIAGE: ShaderFile = shader_file!("foliage.wgsl");
+const ROOMS: ShaderFile = shader_file!("rooms.wgsl");
 const CITY: ShaderFile = shader_file!("city.wgsl");
 const VEHICLE: ShaderFile = shader_file!("vehicle.wgsl");
 const CONTACT: ShaderFile = shader_file!("contact.wgsl");
+const STANDING: ShaderFile = shader_file!("standing.wgsl");
 const GLOW: ShaderFile = shader_file!("glow.wgsl");
 const SIGNAL: ShaderFile = shader_file!("signal.wgsl");
 const SHADOW: ShaderFile = shader_file!("shadow.wgsl");
@@ -49,6 +53,7 @@ pub(super) enum Shader {
     City,
     Vehicle,
     Contact,
+    Standing,
     Glow,
     Signal,
     Shadow,
@@ -71,10 +76,11 @@ pub(super) enum SampleCount {
 
 impl Shader {
     #[cfg(test)]
-    pub(super) const ALL: [Self; 18] = [
+    pub(super) const ALL: [Self; 19] = [
         Self::City,
         Self::Vehicle,
         Self::Contact,
+        Self::Standing,
         Self::Glow,
         Self::Signal,
         Self::Shadow,
@@ -94,9 +100,10 @@ impl Shader {
 
     fn parts(self) -> &'static [ShaderFile] {
         match self {
-            Self::City => &[COMMON, LIGHT, VERTEX_LIT, CITY],
+            Self::City => &[COMMON, LIGHT, VERTEX_LIT, GROUND_DETAIL, FOLIAGE, ROOMS, CITY],
             Self::Vehicle => &[COMMON, LIGHT, VERTEX_LIT, VEHICLE],
             Self::Contact => &[COMMON, CONTACT],
+            Self::Standing => &[COMMON, STANDING],
             Self::Glow => &[COMMON, GLOW],
             Self::Signal => &[COMMON, SIGNAL],
             Self::Shadow => &[COMMON, SHADOW],
@@ -129,6 +136,7 @@ impl Shader {
                 Self::City => "city",
                 Self::Vehicle => "vehicle",
                 Self::Contact => "contact",
+                Self::Standing => "standing",
                 Self::Glow => "glow",
                 Self::Signal => "signal",
                 Self::Shadow => "shadow",
@@ -183,6 +191,8 @@ fn surface_constants() -> String {
         ("SLABS", Surface::Slabs),
         ("SETTS", Surface::Setts),
         ("CONCRETE", Surface::Concrete),
+        ("GRAVEL", Surface::Gravel),
+        ("SAND", Surface::Sand),
     ];
     let [r, g, b] = ASPHALT.colour.map(linear_from_srgb);
     layers.map(|(name, surface)| format!("const {name}: u32 = {}u;\n", surface as u32)).concat()

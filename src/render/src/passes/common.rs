@@ -5,8 +5,10 @@ use bytemuck::Zeroable;
 use gpu_data::{Frame, View};
 
 pub(crate) mod gpu_data {
+    use crate::jitter::SubpixelJitter;
     use bytemuck::{Pod, Zeroable};
     use city3d_sensors::Projection;
+    use glam::DMat4;
 
     #[repr(C)]
     #[derive(Clone, Copy, Debug, Pod, Zeroable)]
@@ -32,7 +34,8 @@ pub(crate) mod gpu_data {
     }
 
     impl View {
-        pub(crate) fn new(view: &city3d_sensors::View) -> Self {
+        /// Uniforms of a view, for one of the pictures that are averaged.
+        pub(crate) fn new(view: &city3d_sensors::View, jitter: SubpixelJitter) -> Self {
             let [width, height] = view.extent.map(|edge| edge as f32);
             // Depth tolerance of the blur of the ambient occlusion: relative in perspective, absolute in orthographic
             // depth.
@@ -40,10 +43,12 @@ pub(crate) mod gpu_data {
                 Projection::Orthographic { near_m, far_m, .. } => [0.0, (0.2 / (far_m - near_m)) as f32],
                 _ => [0.03, 0.0],
             };
-            let camera_from_clip = view.projection.clip_from_camera(view.extent).inverse();
+            let shift = DMat4::from_translation(jitter.in_clip(view.extent));
+            let clip_from_camera = shift * view.projection.clip_from_camera(view.extent);
+            let camera_from_clip = clip_from_camera.inverse();
             Self {
-                clip_from_world: view.clip_from_world().as_mat4().to_cols_array_2d(),
-                eye: view.extrinsics.position.as_vec3().extend(1.0).to_array(),
+                clip_from_world: (shift * view.clip_from_world()).as_mat4().to_cols_array_2d(),
+                eye: view.extrinsics.position.as_vec3().extend(jitter.sample as f32).to_array(),
                 camera_from_clip: camera_from_clip.as_mat4().to_cols_array_2d(),
                 extent: [width, height, part, most],
             }

@@ -4,6 +4,16 @@ use super::{Attachments, ScenePipelineState, scene_pipeline, vehicle};
 use crate::fleet::{FleetRenderer, VisibleVehicle};
 use crate::shader::Shader;
 
+/// Takes light. Alpha of the HDR target is the ambient share of the radiance, which a patch does not change.
+pub(super) const DARKENING: wgpu::BlendState = wgpu::BlendState {
+    alpha: wgpu::BlendComponent {
+        src_factor: wgpu::BlendFactor::Zero,
+        dst_factor: wgpu::BlendFactor::One,
+        operation: wgpu::BlendOperation::Add,
+    },
+    ..wgpu::BlendState::ALPHA_BLENDING
+};
+
 /// Pipeline of contact shadows.
 #[derive(Debug)]
 pub(crate) struct ContactPass {
@@ -28,15 +38,7 @@ impl ContactPass {
                 constants: &[],
                 topology: wgpu::PrimitiveTopology::TriangleStrip,
                 cull_back_faces: false,
-                // Alpha of the HDR target is the ambient share of the radiance, which a patch does not change.
-                blend: Some(wgpu::BlendState {
-                    alpha: wgpu::BlendComponent {
-                        src_factor: wgpu::BlendFactor::Zero,
-                        dst_factor: wgpu::BlendFactor::One,
-                        operation: wgpu::BlendOperation::Add,
-                    },
-                    ..wgpu::BlendState::ALPHA_BLENDING
-                }),
+                blend: Some(DARKENING),
                 alpha_to_coverage: false,
                 write_depth: false,
             },

@@ -85,7 +85,7 @@ impl GlowPass {
                     entries: [vertex, fragment],
                     groups: &[Some(frame)],
                     buffers: &[Some(gpu_data::LAYOUT)],
-                    constants: &[],
+                    constants: &[("bounded", f64::from(u8::from(!attachments.vertex_lit)))],
                     topology: wgpu::PrimitiveTopology::TriangleStrip,
                     cull_back_faces: false,
                     blend: Some(wgpu::BlendState { color: add(dst_factor), alpha: keep }),

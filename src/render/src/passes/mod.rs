@@ -15,6 +15,7 @@ pub(super) mod reflection;
 pub(super) mod shadow;
 pub(super) mod signals;
 pub(super) mod sky;
+pub(super) mod standing;
 pub(super) mod tiles;
 pub(super) mod vehicle;
 

@@ -7,6 +7,15 @@ use crate::shader::Shader;
 /// Views by index, each with the upper left corner of its tile, and the extent of a tile.
 pub(crate) type Tiles<'a> = (&'a [(usize, [u32; 2])], [u32; 2]);
 
+/// What a full-screen pass writes.
+#[derive(Clone, Copy)]
+pub(super) struct TileOutput<'a> {
+    /// Entry point of the fragment stage.
+    pub(super) entry: &'a str,
+    pub(super) format: wgpu::TextureFormat,
+    pub(super) blend: Option<wgpu::BlendState>,
+}
+
 /// Pipeline of a full-screen pass.
 pub(super) fn pipeline(
     device: &wgpu::Device,
@@ -14,6 +23,18 @@ pub(super) fn pipeline(
     groups: [&wgpu::BindGroupLayout; 2],
     constants: &[(&str, f64)],
     format: wgpu::TextureFormat,
+) -> wgpu::RenderPipeline {
+    let output = TileOutput { entry: "fragment_main", format, blend: None };
+    pipeline_with(device, shader, groups, constants, output)
+}
+
+/// Pipeline of a full-screen pass with an output of its own.
+pub(super) fn pipeline_with(
+    device: &wgpu::Device,
+    shader: Shader,
+    groups: [&wgpu::BindGroupLayout; 2],
+    constants: &[(&str, f64)],
+    output: TileOutput<'_>,
 ) -> wgpu::RenderPipeline {
     let module = shader.module(device, None);
     let options = wgpu::PipelineCompilationOptions { constants, ..Default::default() };
@@ -36,11 +57,11 @@ pub(super) fn pipeline(
         multisample: wgpu::MultisampleState::default(),
         fragment: Some(wgpu::FragmentState {
             module: &module,
-            entry_point: Some("fragment_main"),
+            entry_point: Some(output.entry),
             compilation_options: options,
             targets: &[Some(wgpu::ColorTargetState {
-                format,
-                blend: None,
+                format: output.format,
+                blend: output.blend,
                 write_mask: wgpu::ColorWrites::ALL,
             })],
         }),
@@ -54,6 +75,17 @@ pub(super) fn draw(
     encoder: &mut wgpu::CommandEncoder,
     target: &wgpu::TextureView,
     pipeline: &wgpu::RenderPipeline,
+    groups: (&FrameBindGroup, &wgpu::BindGroup),
+    tiles: Tiles<'_>,
+) {
+    draw_over(encoder, (target, wgpu::LoadOp::Clear(wgpu::Color::BLACK)), pipeline, groups, tiles);
+}
+
+/// Draws the tiles over what the target holds, or over a colour.
+pub(super) fn draw_over(
+    encoder: &mut wgpu::CommandEncoder,
+    (target, load): (&wgpu::TextureView, wgpu::LoadOp<wgpu::Color>),
+    pipeline: &wgpu::RenderPipeline,
     (frame, group): (&FrameBindGroup, &wgpu::BindGroup),
     (tiles, extent): Tiles<'_>,
 ) {
@@ -63,10 +95,7 @@ pub(super) fn draw(
             view: target,
             depth_slice: None,
             resolve_target: None,
-            ops: wgpu::Operations {
-                load: wgpu::LoadOp::Clear(wgpu::Color::BLACK),
-                store: wgpu::StoreOp::Store,
-            },
+            ops: wgpu::Operations { load, store: wgpu::StoreOp::Store },
         })],
         ..Default::default()
     });

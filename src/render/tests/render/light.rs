@@ -270,3 +270,64 @@ fn texels(context: &Context, texture: &wgpu::Texture) -> Vec<u8> {
     let bytes = buffer.slice(..).get_mapped_range().expect("mapped");
     bytes.chunks_exact(768).flat_map(|row| row[..640].to_vec()).collect()
 }
+
+#[test]
+fn the_mean_of_shifted_pictures_repeats_and_smooths_what_is_thinner_than_a_pixel() {
+    let Some(context) = software() else { return };
+    // A wire, a third of a pixel thick, that crosses the picture at a slant.
+    let mut wire = Mesh::default();
+    let finish = Finish::new(Surface::Plain, [20; 3], Class::Building);
+    wire.block(Vec3::new(0.0, 0.0, 2.0), Vec3::new(40.0, 0.05, 0.05), 0.0, finish);
+    let bare = card(200, None);
+    let strung = SceneDescription { objects: vec![SceneObject::of_one_level(wire)], ..card(200, None) };
+    let view = looking(DVec3::new(-3.0, -18.0, 7.0), DVec3::new(0.0, 0.0, 2.0));
+    let picture = |scene: &SceneDescription, jitter_samples| {
+        let quality = Quality { jitter_samples, ssao_samples: 0, ..HIGH };
+        take(&mut renderer(&context, scene, quality, Daylight::NOON), &[view]).remove(0)
+    };
+    // Deviation of how much the wire darkens each column, as a share of the mean: by right as much in one as in the next.
+    // Its shadow is lower down.
+    let unevenness = |jitter_samples| {
+        let (without, with) = (picture(&bare, jitter_samples), picture(&strung, jitter_samples));
+        assert!(with == picture(&strung, jitter_samples), "the same picture twice differs");
+        let darkened = |x: u32| -> f64 {
+            (50..70).map(|y| f64::from(without.pixel(x, y)[1]) - f64::from(with.pixel(x, y)[1])).sum()
+        };
+        let columns: Vec<f64> = (20..140).map(darkened).collect();
+        let mean = columns.iter().sum::<f64>() / columns.len() as f64;
+        assert!(mean > 10.0, "{mean}: the wire is seen");
+        let squares: f64 = columns.iter().map(|column| (column - mean).powi(2)).sum();
+        (squares / columns.len() as f64).sqrt() / mean
+    };
+    let (single, averaged) = (unevenness(0), unevenness(4));
+    assert!(averaged < 0.7 * single, "{averaged} and {single}");
+    assert!(picture(&bare, 0) == picture(&bare, 1), "one picture is not shifted");
+}
+
+#[test]
+fn people_have_soft_patches_under_their_feet_by_day_and_shadows_away_from_lamps_at_night() {
+    let Some(context) = software() else { return };
+    let scene = |class| {
+        let mut figure = Mesh::default();
+        let finish = Finish::new(Surface::Plain, [150; 3], class);
+        figure.block(Vec3::ZERO, Vec3::new(0.3, 0.3, 1.7), 0.0, finish);
+        let objects = vec![SceneObject::of_one_level(figure)];
+        SceneDescription { objects, lamps: vec![Vec3::new(-5.0, 0.0, 6.0)], ..card(150, None) }
+    };
+    let view = looking(DVec3::new(1.0, -6.0, 5.0), DVec3::new(1.0, 0.0, 0.0));
+    let picture = |class, daylight| {
+        let quality = Quality { ssao_samples: 0, ..HIGH };
+        take(&mut renderer(&context, &scene(class), quality, daylight), &[view]).remove(0)
+    };
+    let darkening = |daylight, at: DVec3| {
+        let (of_person, of_wall) = (picture(Class::Person, daylight), picture(Class::Building, daylight));
+        let at = view.project(at).expect("in view");
+        let rectangle = [at.x as u32 - 1, at.y as u32 - 1, at.x as u32 + 1, at.y as u32 + 1];
+        mean(&of_person, rectangle) / mean(&of_wall, rectangle)
+    };
+    assert!(darkening(Daylight::NOON, DVec3::new(0.0, -0.22, 0.0)) < 0.95);
+    let night = darkening(Daylight::NIGHT, DVec3::new(0.9, 0.0, 0.0));
+    assert!(night < 0.9, "{night}: away from the lamp");
+    let towards = darkening(Daylight::NIGHT, DVec3::new(-1.2, 0.0, 0.0));
+    assert!((towards - 1.0).abs() < 0.02, "{towards}: towards the lamp");
+}

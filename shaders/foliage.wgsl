@@ -1,0 +1,138 @@
+// Foliage near the camera: leaves with a tilt of their own in place of a texture.
+
+// Leaves along a repeat of the texture, as in `leaves` of patterns.rs; and sizes of a pixel in leaves between which the
+// texture takes over.
+const LEAVES_A_REPEAT: f32 = 26.0;
+const LEAF_FADE: vec2<f32> = vec2<f32>(0.20, 0.45);
+
+// Sprays of leaves along a repeat of the texture: they are told apart from farther away.
+const SPRAYS_A_REPEAT: f32 = 7.0;
+
+struct Leaf {
+    // Factor on the albedo of the crown; its mean is 1.
+    tone: vec3<f32>,
+    // How far the leaf is turned out of the surface, along u and v.
+    tilt: vec2<f32>,
+    // 0 in the dark between leaves, to 1 on the outermost ones.
+    height: f32,
+}
+
+// The outermost of the leaves around a place, in leaves.
+fn outermost_leaf(at: vec2<f32>) -> Leaf {
+    let cell = vec2<i32>(floor(at));
+    let part = at - floor(at);
+    var leaf = Leaf(vec3<f32>(0.26, 0.30, 0.28), vec2<f32>(0.0), 0.0);
+    for (var k = 0; k < 18; k++) {
+        // Two to a cell.
+        let near = vec2<i32>(k % 3, (k / 3) % 3) - 1;
+        let salt = 41u + 2u * u32(k / 9);
+        let dice = cell_dice(cell + near, salt);
+        let more = cell_dice(cell + near, salt + 1u);
+        let away = part - vec2<f32>(near) - dice.xy;
+        let turn = 6.2831853 * dice.z;
+        let ahead = vec2<f32>(cos(turn), sin(turn));
+        let along = dot(away, ahead);
+        let across = dot(away, vec2<f32>(-ahead.y, ahead.x));
+        // Pointed at both ends, widest before the middle.
+        let length = along / 0.78;
+        let half_width = 0.36 * (1.0 - length * length) * (1.0 - 0.25 * length);
+        let height = 0.2 + 0.8 * more.x - 0.12 * length * length;
+        if abs(length) < 1.0 && abs(across) < half_width && height > leaf.height {
+            let side = across / half_width;
+            let vein = 1.0 - smoothstep(0.02, 0.10, abs(across) / 0.36);
+            let light = (0.70 + 1.10 * more.x) * (0.94 + 0.10 * side) + 0.10 * vein;
+            // Young leaves are yellower.
+            let tint = mix(vec3<f32>(0.92, 1.0, 0.96), vec3<f32>(1.22, 1.06, 0.72), more.y * more.y);
+            // Folded along the vein, and drooping to the tip.
+            let fold = vec2<f32>(-ahead.y, ahead.x) * (0.35 * sign(side));
+            let droop = ahead * (0.55 * length) + (more.yz - 0.5) * 1.5;
+            leaf = Leaf(light * tint, fold + droop, height);
+        }
+    }
+    return leaf;
+}
+
+// Unit vectors along growing u and v on a surface, from derivatives across the picture (Mikkelsen 2010).
+fn surface_axes(normal: vec3<f32>, dx: array<vec3<f32>, 2>, uv_dx: vec4<f32>) -> mat2x3<f32> {
+    let across = cross(dx[1], normal);
+    let up = cross(normal, dx[0]);
+    let u = across * uv_dx.x + up * uv_dx.z;
+    let v = across * uv_dx.y + up * uv_dx.w;
+    return mat2x3<f32>(u / max(length(u), 1e-9), v / max(length(v), 1e-9));
+}
+
+// How much is seen of so many things a repeat, where a pixel has an extent in the texture.
+fn foliage_seen(uv_dx: vec4<f32>, per_repeat: f32) -> f32 {
+    let area = length(uv_dx.xy) * length(uv_dx.zw);
+    return 1.0 - smoothstep(LEAF_FADE.x, LEAF_FADE.y, sqrt(area) * per_repeat);
+}
+
+// Needles along a repeat of the texture.
+const NEEDLES_A_REPEAT: f32 = 42.0;
+
+// The outermost of the needles around a place.
+fn outermost_needle(at: vec2<f32>) -> Leaf {
+    let low = blades(at, 51u);
+    let high = blades(at * 1.37 + 0.5, 57u);
+    let needle = select(low, high, high.w > 0.8 * low.w);
+    let light = 0.55 + 1.60 * needle.w;
+    let tint = mix(vec3<f32>(0.90, 1.0, 1.02), vec3<f32>(1.12, 1.06, 0.86), needle.z);
+    return Leaf(light * tint, needle.xy, needle.w);
+}
+
+// Albedo and normal of foliage, and how far out it lies.
+struct Foliage {
+    albedo: vec3<f32>,
+    normal: vec3<f32>,
+    height: f32,
+}
+
+// Single leaves or needles in place of the texture, where a pixel is small enough. `dx` and `uv_dx` are the derivatives
+// of place and texture coordinates across and down the picture.
+fn near_foliage(far: Foliage, layer: u32, uv: vec2<f32>, dx: array<vec3<f32>, 2>, uv_dx: vec4<f32>) -> Foliage {
+    let spray_seen = foliage_seen(uv_dx, SPRAYS_A_REPEAT);
+    if spray_seen <= 0.0 {
+        return far;
+    }
+    let axes = surface_axes(far.normal, dx, uv_dx);
+    // Each spray faces its own way, and hides the light from what lies between.
+    let spray = stones(uv * SPRAYS_A_REPEAT, 61u);
+    let shaded = mix(1.0, 0.80 + 0.36 * spray.w + 0.40 * (spray.z - 0.5), spray_seen);
+    let turned = normalize(far.normal + axes * (spray.xy * (1.1 * spray_seen)));
+    let seen = foliage_seen(uv_dx, LEAVES_A_REPEAT);
+    if seen <= 0.0 {
+        return Foliage(far.albedo * shaded, turned, far.height);
+    }
+    var leaf: Leaf;
+    if layer == NEEDLES {
+        leaf = outermost_needle(uv * NEEDLES_A_REPEAT);
+    } else {
+        leaf = outermost_leaf(uv * LEAVES_A_REPEAT);
+    }
+    let tilt = axes * leaf.tilt;
+    return Foliage(
+        mix(far.albedo, mean_texel(layer).rgb * leaf.tone, seen) * shaded,
+        normalize(turned + tilt * (0.75 * seen)),
+        mix(far.height, 0.7 * leaf.height, seen),
+    );
+}
+
+// Width of a tree of a far wood, and distances between which its trees are told apart by light alone, metres.
+const TREE_M: f32 = 6.5;
+const WOOD_M: vec2<f32> = vec2<f32>(90.0, 180.0);
+
+// Trees of a far wood, whose mesh is one canopy: each has a round top and a tone of its own.
+fn far_wood(near: Foliage, world: vec3<f32>, pixel: vec2<f32>) -> Foliage {
+    let away = smoothstep(WOOD_M.x, WOOD_M.y, length(world - view.eye.xyz)) * detail_seen(pixel, TREE_M);
+    if away <= 0.0 {
+        return near;
+    }
+    // Up a side of the wood the tops of trees lie above one another.
+    let at = (world.xy + vec2<f32>(0.55, 0.40) * world.z) / TREE_M;
+    let tree = stones(at, 83u);
+    let kind = stones(at * 0.23, 89u).z;
+    let light = (0.80 + 0.42 * tree.z) * (0.62 + 0.40 * tree.w);
+    let tint = mix(vec3<f32>(0.92, 1.0, 1.02), vec3<f32>(1.16, 1.04, 0.84), kind);
+    let top = vec3<f32>(tree.xy * (1.3 * tree.w * away), 0.0);
+    return Foliage(near.albedo * mix(vec3<f32>(1.0), light * tint, away), normalize(near.normal + top), near.height);
+}
