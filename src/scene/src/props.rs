@@ -1,5 +1,6 @@
 //! Garden walls, playgrounds, and placement of furniture.
 
+use super::doorways::{Way, opened};
 use super::furniture::{Furniture, FurnitureKind};
 use super::grounds::ring_of;
 use super::lanes::LaneBoxIndex;
@@ -31,12 +32,14 @@ pub(super) fn along(mesh: &mut Mesh, line: &[DVec2], width: f32, height: f32, si
     }
 }
 
-pub(super) fn wall(mesh: &mut Mesh, place: &SeededScenery<'_>) {
+/// A wall within a polygon, or along what openings at these ways leave of a line.
+pub(super) fn wall(mesh: &mut Mesh, place: &SeededScenery<'_>, ways: &[Way]) {
     let height = place.piece.height_m.map_or(0.9, |h| h as f32);
     match &place.piece.shape {
         Footprint::Polyline(line) => {
-            along(mesh, line, 0.30, height, STONE_WALL, STONE_WALL);
-            for pair in line.windows(2) {
+            let left = opened(line, ways);
+            left.iter().for_each(|line| along(mesh, line, 0.30, height, STONE_WALL, STONE_WALL));
+            for pair in left.iter().flat_map(|line| line.windows(2)) {
                 let (a, b) = (pair[0].as_vec2(), pair[1].as_vec2());
                 let yaw = (b - a).to_angle();
                 let size = Vec3::new(a.distance(b) + 0.4, 0.42, 0.10);
