@@ -27,6 +27,7 @@ mod outlines;
 mod parked;
 mod people;
 mod plants;
+mod playground;
 mod polygon;
 mod props;
 mod roads;
@@ -285,7 +286,7 @@ impl SceneDescription {
                     continue;
                 }
                 SceneryKind::PicnicTable => props::picnic_table(&place, &furniture),
-                SceneryKind::Playground => one(&|mesh| props::playground(mesh, &place)),
+                SceneryKind::Playground => one(&|mesh| playground::playground(mesh, &place)),
                 SceneryKind::Water => {
                     grounds::ground(&mut lying, &place, &drives, beside_roads);
                     one(&|mesh| grounds::pond_life(mesh, &place))
