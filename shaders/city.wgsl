@@ -141,6 +141,36 @@ fn behind_pane(layer: u32, seed: u32, uv: vec2<f32>) -> vec4<f32> {
     return vec4<f32>(0.0);
 }
 
+// What is behind a pane of an office, of which a bay has two: a roller blind, slats, lamps under the ceiling, or a room more
+// or less dark. Colour, and how much of it shows.
+fn behind_glazing(seed: u32, uv: vec2<f32>) -> vec4<f32> {
+    let panes = vec2<f32>(2.0 * uv.x, uv.y);
+    let at = fract(panes);
+    let dice = fract(sin(dot(floor(panes), vec2<f32>(27.619, 57.583)) + f32(seed) * 1.317) * 1931.417);
+    let tint = fract(dice * 61.0);
+    if dice < 0.36 {
+        let foot = mix(0.30, 0.88, fract(dice * 23.0));
+        return vec4<f32>(mix(vec3<f32>(0.27, 0.265, 0.24), vec3<f32>(0.13, 0.15, 0.17), tint), step(foot, at.y));
+    }
+    if dice < 0.50 {
+        let slat = 0.80 + 0.20 * cos(at.x * 82.0);
+        return vec4<f32>(vec3<f32>(0.21, 0.21, 0.195) * slat, step(0.75 * fract(dice * 37.0), at.x));
+    }
+    if dice < 0.66 {
+        let is_lamp = step(0.80, at.y) * step(at.y, 0.86) * step(abs(at.x - 0.5), 0.34);
+        return vec4<f32>(mix(vec3<f32>(0.10, 0.095, 0.08), vec3<f32>(0.55, 0.54, 0.49), is_lamp), 0.6 + 0.4 * is_lamp);
+    }
+    return vec4<f32>(vec3<f32>(0.020, 0.026, 0.032) * (0.4 + 2.2 * tint), 0.7);
+}
+
+// No two panes stand quite alike in their frames: a normal tilted by a draw for each.
+fn pane_normal(normal: vec3<f32>, seed: u32, pane: vec2<f32>) -> vec3<f32> {
+    let dice = fract(sin(dot(pane, vec2<f32>(17.137, 63.719)) + f32(seed) * 0.917) * vec2<f32>(1543.31, 2971.77)) - 0.5;
+    return normalize(normal + PANE_TILT * (dice.x * vec3<f32>(-normal.y, normal.x, 0.0) + dice.y * vec3<f32>(0.0, 0.0, 1.0)));
+}
+
+const PANE_TILT: f32 = 0.045;
+
 // Emission at night: lamps, and lit rooms behind some of the windows.
 fn emission(layer: u32, seed: u32, uv: vec2<f32>, texel: vec4<f32>) -> vec3<f32> {
     if !lamplit {
@@ -265,15 +295,26 @@ fn lit_pixel(in: Fragment) -> HdrPixel {
     var m: PbrMaterial;
     m.albedo = pattern * in.colour.rgb;
     var daylit = vec3<f32>(0.0);
-    if layer == WINDOWS || (layer >= SASH && layer <= BALCONY) {
-        let behind = behind_pane(layer, wall_seed(in.seed, in.normal), in.uv);
+    let is_glazing = layer == GLAZING;
+    if is_glazing || layer == WINDOWS || (layer >= SASH && layer <= BALCONY) {
+        let seed = wall_seed(in.seed, in.normal);
         let pane = 1.0 - smoothstep(0.16, 0.45, texel.a);
-        // Farther away than folds and slats can be told, a window is as the texture has it.
-        let near = 1.0 - smoothstep(0.02, 0.06, across);
+        // Farther away than folds and slats, or blinds, can be told, a window is as the texture has it.
+        let fade = select(vec2<f32>(0.02, 0.06), vec2<f32>(0.12, 0.30), is_glazing);
+        let near = 1.0 - smoothstep(fade.x, fade.y, across);
+        var behind: vec4<f32>;
+        if is_glazing {
+            behind = behind_glazing(seed, in.uv);
+        } else {
+            behind = behind_pane(layer, seed, in.uv);
+        }
         m.albedo = mix(m.albedo, behind.rgb, behind.a * pane * near);
         // Little daylight reaches the back of a room, and hardly any of the sun.
         let is_room = select(0.0, room_near * pane, room.a > 0.0) * (1.0 - behind.a * near);
         daylit = room.rgb * frame.sky_light.rgb * (is_room * ROOM_ALBEDO / (1.0 + 0.4 * room.a));
+        if pane > 0.5 {
+            normal = pane_normal(normal, seed, floor(in.uv * select(vec2<f32>(1.0), vec2<f32>(2.0, 1.0), is_glazing)));
+        }
     }
     // Asphalt is never fully rough.
     m.roughness = select(texel.a, LACQUER, layer == CAR_PAINT);

@@ -12,6 +12,13 @@ const HUBS_M: [f32; 2] = [-0.50, 0.55];
 /// Length over both wheels.
 pub(super) const LENGTH_M: f32 = HUBS_M[1] - HUBS_M[0] + 2.0 * WHEEL_M;
 
+/// Top of the saddle, and the left grip of the bar.
+pub(super) const SADDLE_M: Vec3 = Vec3::new(-0.22, 0.0, 0.875);
+pub(super) const GRIP_M: Vec3 = Vec3::new(0.35, 0.25, 1.0);
+/// The bottom bracket, and from there to the left pedal; the right one is opposite.
+const BRACKET_M: Vec3 = Vec3::new(-0.06, 0.0, 0.29);
+const CRANK_M: Vec3 = Vec3::new(0.147, 0.12, 0.085);
+
 /// Errors of the coarser level, and from which on none is drawn: half its height.
 const COARSER_M: f32 = 0.05;
 const UNDRAWN_M: f32 = 0.5;
@@ -35,6 +42,12 @@ pub(super) fn bicycle() -> SceneObject {
     object
 }
 
+/// Middle of the left pedal.
+#[cfg(test)]
+pub(super) fn left_pedal() -> Vec3 {
+    BRACKET_M + CRANK_M
+}
+
 /// One of them at a place, in a colour of its own.
 pub(super) fn painted(bicycle: &SceneObject, city_from_bicycle: Affine3A, seed: u32) -> SceneObject {
     let colour = PAINTS[(hash_to_unit(seed, 31) * PAINTS.len() as f32) as usize % PAINTS.len()];
@@ -52,26 +65,30 @@ fn draw(mesh: &mut Mesh, is_near: bool) {
         hoop(mesh, at(x, WHEEL_M), if is_near { 12 } else { 7 }, is_near);
     }
     let [rear, front] = HUBS_M.map(|x| at(x, WHEEL_M));
-    let (pedals, seat, head) = (at(-0.06, 0.29), at(-0.20, 0.84), at(0.38, 0.82));
+    let (bracket, seat, head) = (BRACKET_M, at(-0.20, 0.77), at(0.38, 0.82));
     let mut tube = |from: Vec3, to: Vec3, radius: f32, finish: Finish| {
         limb(mesh, &[(from, radius), (to, radius)], 3, finish);
     };
-    tube(pedals, seat, 0.020, FRAME);
-    tube(pedals, at(0.42, 0.68), 0.022, FRAME);
-    tube(rear, at(-0.16, 0.74), 0.013, FRAME);
+    tube(bracket, seat, 0.020, FRAME);
+    tube(bracket, at(0.42, 0.68), 0.022, FRAME);
+    tube(rear, at(-0.18, 0.70), 0.013, FRAME);
     tube(head, front, 0.016, FRAME);
     if !is_near {
         return;
     }
-    tube(at(-0.17, 0.76), at(0.40, 0.76), 0.018, FRAME);
-    tube(rear, pedals, 0.013, FRAME);
-    tube(head, at(0.35, 0.97), 0.014, STEEL);
-    tube(seat, at(-0.22, 0.92), 0.014, STEEL);
-    tube(Vec3::new(0.33, -0.27, 0.98), Vec3::new(0.33, 0.27, 0.98), 0.014, STEEL);
-    mesh.block(at(-0.22, 0.91), Vec3::new(0.25, 0.13, 0.045), 0.0, TYRE);
-    for y in [-0.09, 0.09] {
-        mesh.block(pedals + Vec3::new(0.7 * y, y, -0.08), Vec3::new(0.08, 0.08, 0.02), 0.0, TYRE);
+    tube(at(-0.19, 0.72), at(0.40, 0.76), 0.018, FRAME);
+    tube(rear, bracket, 0.013, FRAME);
+    tube(head, at(0.33, 1.0), 0.014, STEEL);
+    tube(seat, SADDLE_M - Vec3::Z * 0.03, 0.014, STEEL);
+    let [right, left] = [-1.0, 1.0].map(|side| GRIP_M * Vec3::new(1.0, side, 1.0));
+    tube(right - Vec3::Y * 0.05, left + Vec3::Y * 0.05, 0.014, STEEL);
+    for side in [1.0, -1.0] {
+        let pedal = bracket + CRANK_M * side;
+        let axle = Vec3::Y * (0.05 * side);
+        tube(bracket + axle, pedal - axle, 0.013, STEEL);
+        tube(pedal - axle, pedal + axle, 0.035, TYRE);
     }
+    mesh.block(SADDLE_M - Vec3::Z * 0.045, Vec3::new(0.25, 0.13, 0.045), 0.0, TYRE);
 }
 
 /// A tyre with a rim: a ring seen from both sides, and its tread.

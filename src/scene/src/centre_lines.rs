@@ -14,6 +14,8 @@ const GAP_M: f64 = 4.0;
 const BESIDE_M: f64 = 0.7;
 /// Such ends point at each other within this angle, radians.
 const BEND: f64 = 0.4;
+/// Shorter lines are left out: stubs between the mouths of two junctions.
+const SHORTEST_M: f64 = 5.6;
 /// Half window of the moving average that removes jumps, in steps.
 const EVEN_STEPS: usize = 2;
 
@@ -25,7 +27,9 @@ pub(super) fn centre_lines(map: &CityMap, field: &RoadField, boxes: &LaneBoxInde
     }
     pieces.retain(|piece| piece.len() > 2);
     let is_road = |at: DVec2| field.distance.at(at) < 0.0;
-    joined(distinct(pieces), is_road).iter().map(|line| posed(&evened(&in_steps(line)))).collect()
+    let mut lines = joined(distinct(pieces), is_road);
+    lines.retain(|line| length_m(line) > SHORTEST_M);
+    lines.iter().map(|line| posed(&evened(&in_steps(line)))).collect()
 }
 
 /// Adds midpoints between a lane and an opposite lane to its left.
@@ -145,6 +149,10 @@ fn next_piece(
         .map(|(_, piece)| piece)
 }
 
+fn length_m(line: &[DVec2]) -> f64 {
+    line.windows(2).map(|pair| pair[0].distance(pair[1])).sum()
+}
+
 /// The end points of a line with their outward directions.
 fn ends(line: &[DVec2]) -> [(DVec2, DVec2); 2] {
     let last = line.len() - 1;
@@ -155,7 +163,7 @@ fn ends(line: &[DVec2]) -> [(DVec2, DVec2); 2] {
 
 /// The line resampled at even steps.
 fn in_steps(line: &[DVec2]) -> Vec<DVec2> {
-    let length: f64 = line.windows(2).map(|pair| pair[0].distance(pair[1])).sum();
+    let length = length_m(line);
     let count = (length / STEP_M).round().max(1.0);
     let step = length / count;
     let mut points = vec![line[0]];

@@ -286,7 +286,7 @@ fn kerb_face(mesh: &mut Mesh, [from, to]: [Spot; 2]) {
 
 #[cfg(test)]
 mod tests {
-    use super::super::land::Land;
+    use super::super::land::{Land, roads_from};
     use super::super::roads::{LEVELS, Outlines, RoadField};
     use super::super::tests::city;
     use super::*;
@@ -298,7 +298,7 @@ mod tests {
     fn ground_of(map: &CityMap) -> (GroundSheet, Mesh) {
         let field = RoadField::new(map);
         let sheet = Outlines::new(&field, &[]).ground(map, &[]);
-        let land = Land::new(map, &field, sheet.rim()).ground();
+        let land = Land::new(map, &field, sheet.rim(), (roads_from(map, &field), &[])).ground();
         (sheet, land)
     }
 
@@ -396,7 +396,7 @@ mod tests {
                 (0..6).map(|k| (Cover::ALL[k as usize % 3], ring(k))).collect();
             let box_ = [DVec2::splat(-3.0), DVec2::splat(5.0 * cell + 3.0)];
             let sheet = GroundSheet::new(box_, &rings, |_| KERB_M, []);
-            let land = Land::new(&bare, &field, sheet.rim()).ground();
+            let land = Land::new(&bare, &field, sheet.rim(), (roads_from(&bare, &field), &[])).ground();
             assert_closed(&format!("outlines {seed}"), &sheet, &land);
         }
     }

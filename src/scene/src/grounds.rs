@@ -1,5 +1,6 @@
 //! Ground areas: parks, beds, ponds and squares.
 
+use super::foliage::limb;
 use super::mesh::{Class, Finish, Mesh, Surface};
 use super::polygon::{Region, counter_clockwise};
 use super::roads::{band, level};
@@ -17,6 +18,8 @@ const POND: Finish = Finish::new(Surface::Water, [74, 112, 116], Class::Water);
 
 const SWAN: Finish = Finish::new(Surface::Plain, [240, 240, 236], Class::Furniture);
 const BEAK: Finish = Finish::new(Surface::Plain, [214, 112, 40], Class::Furniture);
+/// Between the eyes and the bill.
+const MASK: Finish = Finish::new(Surface::Plain, [34, 32, 32], Class::Furniture);
 
 /// The footprint as a counter-clockwise ring; circles become polygons with edges of about half a metre.
 pub(super) fn ring_of(shape: &Footprint) -> Vec<DVec2> {
@@ -187,31 +190,49 @@ fn swans(mesh: &mut Mesh, place: &SeededScenery<'_>) {
     let Footprint::Circle { centre, radius_m } = place.piece.shape else { return };
     for (turn, away) in [(0.7_f32, 0.35), (3.4, 0.45)] {
         let out = Vec2::from_angle(turn);
-        let at = (centre.as_vec2() + out * (radius_m as f32 * away)).extend(POND_M - 0.02);
-        let ahead = Vec2::from_angle(turn + 1.9).extend(0.0);
-        let side = Vec3::Z.cross(ahead);
-        // A section across the body from the tail to the breast: along, half width, height.
-        let rows = [
-            (-0.55, 0.0, 0.40),
-            (-0.30, 0.20, 0.34),
-            (0.05, 0.26, 0.36),
-            (0.36, 0.16, 0.30),
-            (0.46, 0.0, 0.20),
-        ];
-        let ridge = |(x, _, high): (f32, f32, f32)| at + ahead * x + Vec3::Z * high;
-        let edge =
-            |(x, half, _): (f32, f32, f32), sign: f32| at + ahead * x + side * (half * sign) + Vec3::Z * 0.06;
-        for pair in rows.windows(2) {
-            let [a, b] = [pair[0], pair[1]];
-            mesh.plate(&[edge(a, -1.0), edge(b, -1.0), ridge(b), ridge(a)], SWAN, 1.0);
-            mesh.plate(&[edge(b, 1.0), edge(a, 1.0), ridge(a), ridge(b)], SWAN, 1.0);
-        }
-        let neck = at + ahead * 0.40;
-        mesh.frustum(neck + Vec3::Z * 0.16, [0.06, 0.035], 0.56, 6, SWAN);
-        let head = neck + ahead * 0.07 + Vec3::Z * 0.70;
-        mesh.block(head, Vec3::new(0.22, 0.09, 0.09), ahead.y.atan2(ahead.x), SWAN);
-        mesh.block(head + ahead * 0.15, Vec3::new(0.10, 0.05, 0.05), ahead.y.atan2(ahead.x), BEAK);
+        let at = (centre.as_vec2() + out * (radius_m as f32 * away)).extend(POND_M);
+        swan(mesh, at, Vec2::from_angle(turn + 1.9));
     }
+}
+
+/// A swan that swims at a place of the water: rump, folded wings, curved neck, head and bill.
+fn swan(mesh: &mut Mesh, at: Vec3, ahead: Vec2) {
+    let (ahead, left) = (ahead.extend(0.0), ahead.perp().extend(0.0));
+    let place = |x: f32, y: f32, z: f32| at + ahead * x + left * y + Vec3::Z * z;
+    let body = [
+        (place(-0.66, 0.0, 0.24), 0.0),
+        (place(-0.50, 0.0, 0.14), 0.11),
+        (place(-0.22, 0.0, 0.06), 0.20),
+        (place(0.08, 0.0, 0.04), 0.23),
+        (place(0.32, 0.0, 0.06), 0.18),
+        (place(0.44, 0.0, 0.09), 0.10),
+        (place(0.49, 0.0, 0.10), 0.0),
+    ];
+    limb(mesh, &body, 8, SWAN);
+    for side in [1.0, -1.0] {
+        let wing = [
+            (place(0.28, 0.13 * side, 0.15), 0.02),
+            (place(0.12, 0.15 * side, 0.20), 0.10),
+            (place(-0.20, 0.13 * side, 0.23), 0.12),
+            (place(-0.50, 0.07 * side, 0.27), 0.06),
+            (place(-0.68, 0.03 * side, 0.32), 0.0),
+        ];
+        limb(mesh, &wing, 6, SWAN.shaded(0.97));
+    }
+    let neck = [
+        (place(0.36, 0.0, 0.10), 0.095),
+        (place(0.44, 0.0, 0.24), 0.065),
+        (place(0.42, 0.0, 0.38), 0.048),
+        (place(0.36, 0.0, 0.52), 0.042),
+        (place(0.37, 0.0, 0.64), 0.040),
+        (place(0.44, 0.0, 0.71), 0.042),
+    ];
+    limb(mesh, &neck, 6, SWAN);
+    let head =
+        [(place(0.38, 0.0, 0.69), 0.025), (place(0.45, 0.0, 0.70), 0.052), (place(0.56, 0.0, 0.67), 0.026)];
+    limb(mesh, &head, 6, SWAN);
+    limb(mesh, &[(place(0.54, 0.0, 0.675), 0.027), (place(0.58, 0.0, 0.665), 0.022)], 5, MASK);
+    limb(mesh, &[(place(0.58, 0.0, 0.665), 0.022), (place(0.68, 0.0, 0.630), 0.008)], 5, BEAK);
 }
 
 /// A low stone edge around a ring.

@@ -8,6 +8,7 @@ mod car_parks;
 mod centre_lines;
 mod class;
 mod crossings;
+mod doorways;
 mod field;
 mod foliage;
 mod furniture;
@@ -26,6 +27,7 @@ mod outlines;
 mod parked;
 mod people;
 mod plants;
+mod playground;
 mod polygon;
 mod props;
 mod roads;
@@ -245,24 +247,35 @@ impl SceneDescription {
         // Footpaths have no name.
         let is_drive = |piece: &&Scenery| piece.kind == SceneryKind::Paving && piece.name.is_empty();
         let drives: Vec<&Footprint> = map.scenery.iter().filter(is_drive).map(|piece| &piece.shape).collect();
+        let is_building = |piece: &Scenery| piece.kind == SceneryKind::Building;
+        let mut ways = Vec::new();
+        for place in SeededScenery::all(map).filter(|place| is_building(place.piece)) {
+            let (mut mesh, mut trim) = (Mesh::default(), Mesh::default());
+            let door = buildings::building([&mut mesh, &mut trim], &place, &lanes, &around);
+            ways.extend(door.map(|door| doorways::Way::new(&door, map, &field)));
+            objects.extend([buildings::trimmings(trim), SceneObject::of_one_level(mesh)]);
+            let pumps = buildings::pumps(&place).into_iter();
+            objects.extend(pumps.map(|(at, front)| furniture.place(FurnitureKind::FuelPump, at, front, 1.0)));
+            lamps.extend(buildings::lights(&place));
+            clocks.extend(buildings::clocks(&place).map(SceneObject::of_one_level));
+            let board = buildings::price_board(&place).filter(|&(at, _)| around.is_free(at, place.piece));
+            objects.extend(board.map(|board| SceneObject::of_one_level(special::price_board_at(board))));
+            walls.extend(buildings::opaque_walls(&place));
+        }
+        ways.iter().for_each(|way| way.lay(&mut lying));
         // Street furniture faces the road, so it needs the road field.
-        for (index, piece) in map.scenery.iter().enumerate() {
-            let place = SeededScenery { piece, seed: index as u32 };
+        for place in SeededScenery::all(map) {
+            let piece = place.piece;
             let one = |draw: &dyn Fn(&mut Mesh)| {
                 let mut mesh = Mesh::default();
                 draw(&mut mesh);
                 SceneObject::of_one_level(mesh)
             };
             let object = match piece.kind {
-                SceneryKind::Building => {
-                    let (mut mesh, mut trim) = (Mesh::default(), Mesh::default());
-                    buildings::building([&mut mesh, &mut trim], &place, &lanes, &around);
-                    objects.push(buildings::trimmings(trim));
-                    SceneObject::of_one_level(mesh)
-                }
+                SceneryKind::Building => continue,
                 SceneryKind::Tree => nursery.tree(&place),
-                SceneryKind::Hedge => plants::hedge(&place),
-                SceneryKind::Wall => one(&|mesh| props::wall(mesh, &place)),
+                SceneryKind::Hedge => plants::hedge(&place, &ways),
+                SceneryKind::Wall => one(&|mesh| props::wall(mesh, &place, &ways)),
                 SceneryKind::Lamp => {
                     let lamp = props::lamp(&place, &lanes, &furniture);
                     lamps.extend(furniture::lens(&lamp));
@@ -273,7 +286,7 @@ impl SceneDescription {
                     continue;
                 }
                 SceneryKind::PicnicTable => props::picnic_table(&place, &furniture),
-                SceneryKind::Playground => one(&|mesh| props::playground(mesh, &place)),
+                SceneryKind::Playground => one(&|mesh| playground::playground(mesh, &place)),
                 SceneryKind::Water => {
                     grounds::ground(&mut lying, &place, &drives, beside_roads);
                     one(&|mesh| grounds::pond_life(mesh, &place))
@@ -284,17 +297,6 @@ impl SceneDescription {
                 }
             };
             objects.push(object);
-            if piece.kind == SceneryKind::Building {
-                let pumps = buildings::pumps(&place).into_iter();
-                objects.extend(
-                    pumps.map(|(at, front)| furniture.place(FurnitureKind::FuelPump, at, front, 1.0)),
-                );
-                lamps.extend(buildings::lights(&place));
-                clocks.extend(buildings::clocks(&place).map(SceneObject::of_one_level));
-                let board = buildings::price_board(&place).filter(|&(at, _)| around.is_free(at, piece));
-                objects.extend(board.map(|board| SceneObject::of_one_level(special::price_board_at(board))));
-                walls.extend(buildings::opaque_walls(&place));
-            }
         }
         let [low, high] = map.bounds().map(|corner| corner.as_vec2());
         objects.extend(signs::signs(map, &field, &lanes));
@@ -311,8 +313,11 @@ impl SceneDescription {
         objects.retain(|object: &SceneObject| !object.is_empty());
         let mut gullies = Mesh::default();
         kerb_furniture::gullies(&mut gullies, outlines.kerbs());
-        let sheet = outlines.ground(map, &drives);
-        let land = land::Land::new(map, &field, sheet.rim());
+        let roads_out = land::roads_from(map, &field);
+        let mouths: Vec<Footprint> = roads_out.iter().map(land::CountryRoad::driveway).collect();
+        let lowered: Vec<&Footprint> = drives.iter().copied().chain(&mouths).collect();
+        let sheet = outlines.ground(map, &lowered);
+        let land = land::Land::new(map, &field, sheet.rim(), (roads_out, &ways));
         land.lay(&mut lying);
         objects.extend(land.gardens(&nursery));
         let roads = |error_m: &f32| LodMesh { mesh: sheet.mesh(*error_m), error_m: *error_m };
@@ -385,7 +390,12 @@ struct SeededScenery<'a> {
     seed: u32,
 }
 
-impl SeededScenery<'_> {
+impl<'a> SeededScenery<'a> {
+    /// Those of a map.
+    fn all(map: &'a CityMap) -> impl Iterator<Item = Self> {
+        map.scenery.iter().zip(0..).map(|(piece, seed)| Self { piece, seed })
+    }
+
     /// A hashed number in [0, 1) for each `salt`.
     fn hash_to_unit(&self, salt: u32) -> f32 {
         hash_to_unit(self.seed, salt)

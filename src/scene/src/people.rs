@@ -20,6 +20,8 @@ const CYCLISTS: f32 = 0.06;
 /// Seat of a bench, and where on it people sit, along it.
 const SEAT_M: f32 = 0.58;
 const SEATS_M: [f32; 2] = [-0.42, 0.40];
+/// From the middle of the hips to a leg.
+const HIP_M: f32 = 0.095;
 /// Errors of the coarser levels, of the one without arms, and from which on nobody is drawn: that is how tall people are.
 const COARSER: [(u32, f32); 2] = [(4, 0.03), (3, 0.06)];
 const PLAIN_ERROR_M: f32 = 0.33;
@@ -30,8 +32,61 @@ enum Pose {
     Stand,
     Walk,
     Sit,
-    /// Astride a bicycle, both feet on the ground.
+    /// Astride a bicycle, on its saddle: hands on the bar, the left foot on its pedal, the right one on the ground.
     Straddle,
+}
+
+impl Pose {
+    /// Middle of the hips.
+    fn hips(self) -> Vec3 {
+        match self {
+            Self::Stand | Self::Walk => Vec3::new(0.0, 0.0, 0.86),
+            Self::Sit => Vec3::new(0.0, 0.0, 0.06),
+            Self::Straddle => Vec3::new(bicycles::SADDLE_M.x, 0.0, bicycles::SADDLE_M.z + 0.05),
+        }
+    }
+
+    /// Sine of the angle by which the trunk leans forward.
+    fn lean(self) -> f32 {
+        match self {
+            Self::Stand | Self::Sit => 0.0,
+            Self::Walk => 0.07,
+            Self::Straddle => 0.38,
+        }
+    }
+
+    /// Knee, ankle and tip of the foot of the left side, 1, or the right one, -1.
+    fn leg(self, side: f32) -> [Vec3; 3] {
+        let y = HIP_M * side;
+        let at = Vec3::new;
+        match self {
+            Self::Stand => [at(0.03, y, 0.46), at(-0.01, y, 0.09), at(0.17, y + 0.03 * side, 0.03)],
+            Self::Walk if side > 0.0 => [at(0.22, y, 0.50), at(0.33, y, 0.12), at(0.50, y, 0.09)],
+            Self::Walk => [at(-0.06, y, 0.45), at(-0.36, y, 0.20), at(-0.26, y, 0.03)],
+            Self::Sit => [at(0.42, y, 0.04), at(0.40, y, -0.37), at(0.58, y, -0.42)],
+            Self::Straddle if side > 0.0 => {
+                [at(0.215, 0.12, 0.80), at(-0.01, 0.13, 0.48), at(0.17, 0.14, 0.42)]
+            }
+            Self::Straddle => [at(-0.05, 2.0 * y, 0.51), at(-0.05, 3.1 * y, 0.10), at(0.13, 3.4 * y, 0.03)],
+        }
+    }
+
+    /// Elbow, wrist and fingers of a side.
+    fn arm(self, side: f32) -> [Vec3; 3] {
+        let swing = match self {
+            Self::Stand => 0.05,
+            Self::Walk => -0.24 * side,
+            Self::Sit => 0.26,
+            Self::Straddle => {
+                let grip = bicycles::GRIP_M * Vec3::new(1.0, side, 1.0);
+                return [Vec3::new(0.12, 0.30 * side, 1.15), grip + Vec3::new(-0.04, 0.0, 0.02), grip];
+            }
+        };
+        let elbow = self.hips() + Vec3::new(0.4 * swing - 0.02, 0.27 * side, 0.27);
+        let drop = if swing > 0.2 { 0.10 } else { 0.03 };
+        let wrist = self.hips() + Vec3::new(swing + 0.06, 0.24 * side, drop);
+        [elbow, wrist, wrist + Vec3::new(0.02, 0.0, -0.09)]
+    }
 }
 
 /// Colours of a figure.
@@ -89,71 +144,55 @@ fn figure(mesh: &mut Mesh, pose: Pose, outfit: &Outfit, sides: u32) {
     let (skin, hair) = (cloth(outfit.skin), cloth(outfit.hair));
     let shoes = trousers.shaded(0.45);
     let few = sides.saturating_sub(1).max(3);
-    let hip = if pose == Pose::Sit { 0.06 } else { 0.86 };
     let at = |x: f32, y: f32, z: f32| Vec3::new(x, y, z);
+    let hips = pose.hips();
+    // Up along the trunk, and a place beside it.
+    let lean = pose.lean();
+    let spine = |up: f32| hips + at(lean, 0.0, (1.0 - lean * lean).sqrt()) * up;
     for side in [1.0, -1.0] {
-        let y = 0.095 * side;
-        // Knee, ankle and tip of the foot.
-        let [knee, ankle, tip] = match pose {
-            Pose::Stand => [at(0.03, y, 0.46), at(-0.01, y, 0.09), at(0.17, y + 0.03 * side, 0.03)],
-            Pose::Walk if side > 0.0 => [at(0.22, y, 0.50), at(0.33, y, 0.12), at(0.50, y, 0.09)],
-            Pose::Walk => [at(-0.06, y, 0.45), at(-0.36, y, 0.20), at(-0.26, y, 0.03)],
-            Pose::Sit => [at(0.42, y, 0.04), at(0.40, y, -0.37), at(0.58, y, -0.42)],
-            Pose::Straddle => [at(0.06, 2.0 * y, 0.46), at(0.0, 2.3 * y, 0.09), at(0.18, 2.5 * y, 0.03)],
-        };
-        limb(mesh, &[(at(0.0, y, hip), 0.105), (knee, 0.07), (ankle, 0.05)], few, trousers);
+        let [knee, ankle, tip] = pose.leg(side);
+        limb(mesh, &[(hips + at(0.0, HIP_M * side, 0.0), 0.105), (knee, 0.07), (ankle, 0.05)], few, trousers);
         limb(
             mesh,
             &[(ankle - at(0.05, 0.0, 0.0), 0.055), (tip, 0.035), (tip + at(0.02, 0.0, 0.0), 0.0)],
             3,
             shoes,
         );
-        let swing = match pose {
-            Pose::Walk => -0.24 * side,
-            Pose::Stand => 0.05,
-            Pose::Sit => 0.26,
-            Pose::Straddle => 0.34,
-        };
-        let shoulder = at(0.0, 0.185 * side, hip + 0.525);
-        let elbow = at(0.4 * swing - 0.02, 0.27 * side, hip + 0.27);
-        let hand = at(swing + 0.06, 0.24 * side, hip + if swing > 0.2 { 0.10 } else { 0.03 });
+        let shoulder = spine(0.525) + at(0.0, 0.185 * side, 0.0);
+        let [elbow, hand, fingers] = pose.arm(side);
         // From within the trunk, so that no light is seen between.
-        let inside = at(0.0, 0.07 * side, hip + 0.56);
+        let inside = spine(0.56) + at(0.0, 0.07 * side, 0.0);
         let arm = [(inside, 0.062), (shoulder, 0.07), (elbow, 0.052), (hand, 0.042)];
         limb(mesh, &arm, 3, coat.shaded(0.92));
-        limb(mesh, &[(hand, 0.042), (hand + at(0.02, 0.0, -0.09), 0.012)], 3, skin);
+        limb(mesh, &[(hand, 0.042), (fingers, 0.012)], 3, skin);
     }
-    let lean = match pose {
-        Pose::Walk => 0.04,
-        Pose::Straddle => 0.08,
-        Pose::Stand | Pose::Sit => 0.0,
-    };
     let trunk = [
-        (at(0.0, 0.0, hip - 0.10), 0.13),
-        (at(0.0, 0.0, hip + 0.05), 0.165),
-        (at(lean * 0.6, 0.0, hip + 0.40), 0.185),
-        (at(lean, 0.0, hip + 0.56), 0.15),
-        (at(lean, 0.0, hip + 0.62), 0.055),
+        (spine(-0.10), 0.13),
+        (spine(0.05), 0.165),
+        (spine(0.40), 0.185),
+        (spine(0.56), 0.15),
+        (spine(0.62), 0.055),
     ];
     limb(mesh, &trunk, sides, coat);
-    let neck = hip + 0.60;
+    let neck = spine(0.60);
+    let above = |x: f32, up: f32| neck + at(x, 0.0, up);
     let head = [
-        (at(lean, 0.0, neck), 0.05),
-        (at(lean + 0.01, 0.0, neck + 0.055), 0.048),
-        (at(lean + 0.02, 0.0, neck + 0.10), 0.078),
-        (at(lean + 0.02, 0.0, neck + 0.18), 0.095),
-        (at(lean, 0.0, neck + 0.26), 0.06),
+        (neck, 0.05),
+        (above(0.01, 0.055), 0.048),
+        (above(0.02, 0.10), 0.078),
+        (above(0.02, 0.18), 0.095),
+        (above(0.0, 0.26), 0.06),
     ];
     limb(mesh, &head, sides, skin);
     let crown = [
-        (at(lean - 0.03, 0.0, neck + 0.12), 0.095),
-        (at(lean - 0.01, 0.0, neck + 0.20), 0.104),
-        (at(lean, 0.0, neck + 0.27), 0.07),
-        (at(lean, 0.0, neck + 0.29), 0.0),
+        (above(-0.03, 0.12), 0.095),
+        (above(-0.01, 0.20), 0.104),
+        (above(0.0, 0.27), 0.07),
+        (above(0.0, 0.29), 0.0),
     ];
     limb(mesh, &crown, sides, hair);
     if sides >= FACE_SIDES {
-        face(mesh, at(lean + 0.02, 0.0, neck + 0.15), (skin, hair));
+        face(mesh, above(0.02, 0.15), (skin, hair));
     }
 }
 
@@ -176,15 +215,22 @@ fn face(mesh: &mut Mesh, middle: Vec3, (skin, hair): (Finish, Finish)) {
 
 /// A figure far away: legs, trunk and head.
 fn plain_figure(mesh: &mut Mesh, pose: Pose, outfit: &Outfit) {
-    let up = |x: f32, z: f32| Vec3::new(x, 0.0, z);
-    let (legs, hip): (&[(Vec3, f32)], f32) = match pose {
-        Pose::Stand | Pose::Straddle => (&[(Vec3::ZERO, 0.11), (Vec3::new(0.0, 0.0, 0.86), 0.17)], 0.86),
-        Pose::Walk => (&[(Vec3::ZERO, 0.24), (Vec3::new(0.0, 0.0, 0.86), 0.15)], 0.86),
-        Pose::Sit => (&[(Vec3::new(0.42, 0.0, -0.42), 0.13), (Vec3::new(0.3, 0.0, 0.08), 0.17)], 0.0),
+    let hips = pose.hips();
+    let spine = |up: f32| hips + Vec3::new(pose.lean() * up, 0.0, up);
+    let legs = match pose {
+        Pose::Stand => [(Vec3::ZERO, 0.11), (hips, 0.17)],
+        Pose::Walk => [(Vec3::ZERO, 0.24), (hips, 0.15)],
+        Pose::Straddle => [(Vec3::ZERO, 0.20), (hips, 0.17)],
+        Pose::Sit => [(Vec3::new(0.42, 0.0, -0.42), 0.13), (Vec3::new(0.3, 0.0, 0.08), 0.17)],
     };
-    limb(mesh, legs, 3, cloth(outfit.trousers));
-    limb(mesh, &[(up(0.0, hip), 0.18), (up(0.0, hip + 0.60), 0.20)], 3, cloth(outfit.coat));
-    limb(mesh, &[(up(0.0, hip + 0.60), 0.07), (up(0.0, hip + 0.89), 0.12)], 3, cloth(outfit.skin));
+    limb(mesh, &legs, 3, cloth(outfit.trousers));
+    limb(
+        mesh,
+        &[(spine(if pose == Pose::Sit { -0.06 } else { 0.0 }), 0.18), (spine(0.60), 0.20)],
+        3,
+        cloth(outfit.coat),
+    );
+    limb(mesh, &[(spine(0.60), 0.07), (spine(0.89), 0.12)], 3, cloth(outfit.skin));
 }
 
 fn object((pose, outfit): &(Pose, Outfit)) -> SceneObject {
@@ -321,6 +367,24 @@ mod tests {
             }
         }
         assert!(standing > 150 && sitting > 5, "{standing} stand or walk, {sitting} sit");
+    }
+
+    #[test]
+    fn cyclists_hold_the_bar_and_have_a_foot_on_the_ground_and_one_on_its_pedal() {
+        let far = |pair: [Vec3; 2]| pair[0].distance(pair[1]);
+        for side in [1.0, -1.0] {
+            let [elbow, wrist, fingers] = Pose::Straddle.arm(side);
+            assert_eq!(fingers, bicycles::GRIP_M * Vec3::new(1.0, side, 1.0));
+            let [knee, ankle, tip] = Pose::Straddle.leg(side);
+            let hip = Pose::Straddle.hips() + Vec3::Y * HIP_M * side;
+            // Limbs are as long as those of people who stand.
+            for bone in [[hip, knee], [knee, ankle]] {
+                assert!((0.37..0.47).contains(&far(bone)), "{} m", far(bone));
+            }
+            assert!((0.2..0.35).contains(&far([elbow, wrist])), "{} m", far([elbow, wrist]));
+            let pedal = bicycles::left_pedal();
+            assert!(if side > 0.0 { far([tip, pedal]) < 0.12 } else { tip.z < 0.05 }, "{tip}");
+        }
     }
 
     #[test]

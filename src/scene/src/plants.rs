@@ -1,5 +1,6 @@
 //! Hedges.
 
+use super::doorways::{Way, opened};
 use super::grounds::ring_of;
 use super::mesh::{Class, Finish, Mesh, Surface, Vertex};
 use super::{SceneObject, SeededScenery};
@@ -14,16 +15,17 @@ const HEDGE_WIDTH_M: f32 = 0.9;
 /// Repeats of the leaves over a metre.
 const HEDGE_REPEATS: f32 = 0.75;
 
-/// A clipped hedge along a line or within a polygon.
-pub(super) fn hedge(place: &SeededScenery<'_>) -> SceneObject {
+/// A clipped hedge within a polygon, or along what openings at these ways leave of a line.
+pub(super) fn hedge(place: &SeededScenery<'_>, ways: &[Way]) -> SceneObject {
     let height = place.piece.height_m.map_or(1.15, |h| h as f32);
     let level = |is_near: bool| {
         let mut mesh = Mesh::default();
         match &place.piece.shape {
             Footprint::Polyline(line) => {
-                for (k, pair) in line.windows(2).enumerate() {
+                let left = opened(line, ways);
+                for (pair, k) in left.iter().flat_map(|line| line.windows(2)).zip(0..) {
                     let ends = [pair[0].as_vec2(), pair[1].as_vec2()];
-                    let seed = place.seed * 17 + k as u32;
+                    let seed = place.seed * 17 + k;
                     hedge_piece(&mut mesh, ends, height, seed, is_near);
                 }
             }

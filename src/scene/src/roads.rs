@@ -18,7 +18,7 @@ const STEP_M: f64 = 0.25;
 const FILLET_M: f64 = 2.2;
 /// Asphalt beyond the outermost lanes.
 pub(super) const SHOULDER_M: f32 = 0.30;
-const PAVEMENT_M: f32 = 2.0;
+pub(super) const PAVEMENT_M: f32 = 2.0;
 /// Distances are computed this far beyond what is needed.
 const BEYOND_M: f64 = 0.6;
 /// Around everything.

@@ -41,13 +41,18 @@ impl Surroundings<'_> {
 
     /// Whether a trunk, post, hedge or wall blocks a pedestrian there.
     pub(super) fn bars_the_way(&self, at: Vec2) -> bool {
-        let away = |piece: &Scenery| match (piece.kind, &piece.shape) {
+        let is_barrier = |piece: &&Scenery| matches!(piece.kind, SceneryKind::Hedge | SceneryKind::Wall);
+        let mut barriers = self.map.scenery.iter().filter(is_barrier);
+        self.has_post(at) || barriers.any(|piece| distance_to(&piece.shape, at.as_dvec2()) < WAY_M)
+    }
+
+    /// Whether a trunk or post does.
+    pub(super) fn has_post(&self, at: Vec2) -> bool {
+        self.map.scenery.iter().any(|piece| match (piece.kind, &piece.shape) {
             (SceneryKind::Tree | SceneryKind::Lamp, Footprint::Circle { centre, .. }) => {
-                centre.distance(at.as_dvec2())
+                centre.distance(at.as_dvec2()) < WAY_M
             }
-            (SceneryKind::Hedge | SceneryKind::Wall, shape) => distance_to(shape, at.as_dvec2()),
-            _ => f64::INFINITY,
-        };
-        self.map.scenery.iter().any(|piece| away(piece) < WAY_M)
+            _ => false,
+        })
     }
 }

@@ -9,6 +9,9 @@ use std::f32::consts::TAU;
 
 const BARK: Finish = Finish::new(Surface::Wood, [104, 84, 66], Class::Vegetation);
 const BIRCH_BARK: Finish = Finish::new(Surface::Wood, [206, 202, 192], Class::Vegetation);
+const BIRCH_SCAR: Finish = Finish::new(Surface::Wood, [62, 58, 56], Class::Vegetation);
+const BIRCH_TWIGS: Finish = Finish::new(Surface::Wood, [112, 100, 92], Class::Vegetation);
+const SCARS: u32 = 14;
 /// A grey that is tinted with the green of a tree.
 const LEAVES: Finish = Finish::new(Surface::Leaves, [213, 213, 213], Class::Vegetation);
 const NEEDLES: Finish = Finish::new(Surface::Needles, [236, 236, 236], Class::Vegetation);
@@ -400,7 +403,43 @@ impl Tree {
             joints.insert(1, (Vec3::Z * 0.16, 1.06));
         }
         let joints: Vec<_> = joints.into_iter().map(|(at, part)| (at, part * self.girth)).collect();
+        let first = mesh.vertices.len();
         limb(mesh, &joints, sides, self.bark());
+        if self.kind == TreeKind::Birch && sides > 4 {
+            self.birch_marks(mesh, first, sides as usize);
+        }
+    }
+
+    /// The rough dark foot of a birch, and dark scars on the faces of its trunk, whose vertices begin here.
+    fn birch_marks(&self, mesh: &mut Mesh, first: usize, sides: usize) {
+        let row = sides + 1;
+        for (joint, tone) in [(0, 0.42), (1, 0.80)] {
+            for vertex in &mut mesh.vertices[first + joint * row..][..row] {
+                vertex.finish = vertex.finish.shaded(tone);
+            }
+        }
+        for k in 0..SCARS {
+            let hash_to_unit = |salt: u32| self.hash_to_unit(700 + 16 * k + salt);
+            // More of them on the lower part, which no leaves hide.
+            let (part, reach) = if k % 3 == 2 { (2, 0.40) } else { (1, 0.92) };
+            let side = (hash_to_unit(1) * sides as f32) as usize % sides;
+            let corner = |row_of: usize, at: usize| mesh.vertices[first + row_of * row + side + at];
+            let [a, b, c, d] = [corner(part, 0), corner(part, 1), corner(part + 1, 1), corner(part + 1, 0)];
+            let out = (a.normal + b.normal).normalize_or(Vec3::X) * 0.003;
+            let tall = 0.012 + 0.030 * hash_to_unit(2) * hash_to_unit(2);
+            let low = reach * hash_to_unit(3);
+            let high = low + tall / a.position.distance(d.position);
+            let left = 0.45 * hash_to_unit(4);
+            let right = left + 0.30 + 0.25 * hash_to_unit(5);
+            let on = |across: f32, up: f32| {
+                a.position.lerp(b.position, across).lerp(d.position.lerp(c.position, across), up) + out
+            };
+            // Pointed at one end.
+            let middle = low.midpoint(high);
+            let scar = [on(left, low), on(right, middle), on(left, high)];
+            let uvs = scar.map(|at| Vec2::new(at.x + at.y, at.z));
+            mesh.shaded_face(&scar, &uvs, BIRCH_SCAR, &[200; 3]);
+        }
     }
 
     /// Branches from the trunk to the lowest clumps.
@@ -408,7 +447,8 @@ impl Tree {
         for clump in clumps.iter().take(4).filter(|clump| clump.centre.truncate().length() > 0.25) {
             let from = self.bend() * 0.6 + Vec3::Z * (0.80 * self.clear.max(clump.centre.z - 0.75));
             let joints = [(from, self.girth * 0.42), (clump.centre, self.girth * 0.16)];
-            limb(mesh, &joints, 3, self.bark().shaded(0.86));
+            let finish = if self.kind == TreeKind::Birch { BIRCH_TWIGS } else { self.bark().shaded(0.86) };
+            limb(mesh, &joints, 3, finish);
         }
     }
 }

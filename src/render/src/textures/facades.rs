@@ -188,9 +188,9 @@ pub(super) fn glazing(at: [f32; 2]) -> Texel {
     }
     let y = (v - 0.22) / 0.755;
     // Desks and lamps of the storey behind, dim.
-    let lamp = y > 0.86 && (u * 6.0).fract() < 0.5;
+    let lamp = (0.80..0.86).contains(&y) && ((u * 2.0).fract() - 0.5).abs() < 0.34;
     let room = if lamp {
-        0.26
+        0.17
     } else if y < 0.28 && hash((u * 10.0) as i32, 4, 71) > 0.5 {
         0.05
     } else {

@@ -2,6 +2,7 @@
 
 use super::super::lanes::LaneBoxIndex;
 use super::super::mesh::{Finish, Mesh, Surface};
+use super::super::surroundings::Surroundings;
 use super::super::{lettering, special};
 use super::side::Facade;
 use super::storeys_up_to;
@@ -29,18 +30,21 @@ pub(super) fn front_of(
     })
 }
 
-/// The bay of the door: the middle one of public buildings, else the first that is accessible.
-pub(super) fn door_bay(front: &Facade, style: &Style, bars_the_way: impl Fn(Vec2) -> bool) -> f32 {
+/// The bay of the door: the middle one of public buildings, else the first that is accessible, through a hedge if need be.
+pub(super) fn door_bay(front: &Facade, style: &Style, around: &Surroundings<'_>) -> f32 {
     let count = front.bays();
     if style.sign.is_some() {
         return (count / 2.0).floor();
     }
     // On the step and on the way to it.
-    let is_clear = |bay: &f32| {
+    let is_clear = |bay: f32, bars: &dyn Fn(Vec2) -> bool| {
         let before = |out: f32| front.at((bay + 0.5) / count, 0.0, out).truncate();
-        [0.7, 1.6, 2.6].into_iter().all(|out| !bars_the_way(before(out)))
+        [0.7, 1.6, 2.6].into_iter().all(|out| !bars(before(out)))
     };
-    (0..count as u32).map(|bay| bay as f32).find(is_clear).unwrap_or(0.0)
+    let first = |bars: &dyn Fn(Vec2) -> bool| {
+        (0..count as u32).map(|bay| bay as f32).find(|&bay| is_clear(bay, bars))
+    };
+    first(&|at| around.bars_the_way(at)).or_else(|| first(&|at| around.has_post(at))).unwrap_or(0.0)
 }
 
 /// Share of the front without ground-floor windows, for gates or the door in its bay.

@@ -10,6 +10,7 @@ mod trimmings;
 pub(super) use style::DARK;
 pub(super) use trimmings::object as trimmings;
 
+use super::doorways::Doorway;
 use super::grounds::ring_of;
 use super::lanes::LaneBoxIndex;
 use super::mesh::{Finish, Mesh, Surface};
@@ -25,21 +26,21 @@ const STOREY_M: f32 = 3.1;
 const FOOT_M: f32 = 0.05;
 
 /// Draws a building. Its front is not a side that other buildings block, and its door not where an obstacle
-/// blocks the way. `trim` gets what is too small to be seen from afar.
+/// blocks the way. `trim` gets what is too small to be seen from afar. Returns its door, unless it has gates.
 pub(super) fn building(
     [mesh, trim]: [&mut Mesh; 2],
     place: &SeededScenery<'_>,
     lanes: &LaneBoxIndex<'_>,
     around: &Surroundings<'_>,
-) {
+) -> Option<Doorway> {
     let ring = outline(place);
     if ring.len() < 3 {
-        return;
+        return None;
     }
     let name = place.piece.name.to_lowercase();
     let height = height_of(place);
     if special::pavilion(mesh, &name, &ring, height) {
-        return;
+        return None;
     }
     let sides: Vec<Facade> =
         (0..ring.len()).map(|k| Facade { from: ring[k], to: ring[(k + 1) % ring.len()] }).collect();
@@ -62,7 +63,7 @@ pub(super) fn building(
         open = (0..sides.len()).collect();
     }
     let front = entrance::front_of(&sides, &open, lanes, place.piece.front_rad);
-    let bay = entrance::door_bay(&sides[front], &style, |at| around.bars_the_way(at));
+    let bay = entrance::door_bay(&sides[front], &style, around);
     let below = roof::eaves_over(&ring, gabled);
     for (k, side) in sides.iter().enumerate() {
         let windowless = (k == front).then(|| entrance::windowless(side, &style, bay));
@@ -85,6 +86,9 @@ pub(super) fn building(
     trimmings::of_walls(trim, &house);
     trimmings::bay_window(mesh, &house, |at| !around.bars_the_way(at) && !is_built(at));
     special::additions(mesh, &name, &ring, height);
+    let door = (bay + 0.5) / sides[front].bays();
+    let at = sides[front].at(door, 0.0, 0.0).truncate();
+    style.gates.is_none().then(|| Doorway { at, out: sides[front].outward() })
 }
 
 /// The corners of its footprint.

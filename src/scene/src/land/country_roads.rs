@@ -1,13 +1,11 @@
 //! Roads that lead out of the town: on from the ends of its own, or from its streets through gaps between houses.
 
-use super::super::CELL_M;
-use super::super::ground_sheet::{ASPHALT, KERB_M};
 use super::super::grounds::distance_to;
-use super::super::mesh::Mesh;
 use super::super::roads::{RoadField, SHOULDER_M};
+use super::mouth::Mouth;
 use super::relief::{Relief, noise};
 use city3d_roadmap::{CityMap, Footprint, Scenery, SceneryKind};
-use glam::{DVec2, Vec2};
+use glam::DVec2;
 
 /// Asphalt of a road that goes on from one of the town, and of a lane through a gap.
 const ROAD_HALF_M: f64 = 3.3;
@@ -45,6 +43,8 @@ pub(in super::super) struct CountryRoad {
     pub(super) approach: Vec<DVec2>,
     /// Its line in the land, from the edge of the closed ground outwards.
     pub(super) line: Vec<DVec2>,
+    /// Where its approach meets the street.
+    pub(super) mouth: Mouth,
     /// Both lines, to find distances from.
     whole: BoxedLine,
 }
@@ -110,9 +110,9 @@ struct Gate {
 }
 
 impl CountryRoad {
-    fn new(half_m: f64, approach: Vec<DVec2>, line: Vec<DVec2>) -> Self {
+    fn new(half_m: f64, (approach, mouth): (Vec<DVec2>, Mouth), line: Vec<DVec2>) -> Self {
         let whole: Vec<DVec2> = approach.iter().chain(&line[1..]).copied().collect();
-        Self { half_m, whole: BoxedLine::new(&whole), approach, line }
+        Self { half_m, whole: BoxedLine::new(&whole), approach, mouth, line }
     }
 
     /// Distance from its middle; infinite where it is more than a margin.
@@ -133,39 +133,13 @@ impl CountryRoad {
     }
 }
 
-impl CountryRoad {
-    /// Its asphalt on the closed ground, over the kerb and a little beyond the edge.
-    pub(super) fn approach_mesh(&self, mesh: &mut Mesh) {
-        /// It begins on the street, and ends on the asphalt of the land.
-        const ONTO_STREET_M: f32 = 0.5;
-        const BEYOND_M: f32 = 4.0;
-        /// Length of the ramp over the kerb; heights at its foot and from its top on.
-        const RAMP_M: f32 = 1.3;
-        const HEIGHTS_M: [f32; 2] = [0.012, KERB_M + 0.025];
-        let [from, to] = [self.approach[0], self.approach[1]].map(|at| at.as_vec2());
-        let ahead = (to - from).normalize_or(Vec2::X);
-        let left = ahead.perp() * self.half_m as f32;
-        let (start, end) = (-ONTO_STREET_M, from.distance(to) + BEYOND_M);
-        let steps = ((end - start - RAMP_M) / CELL_M).ceil().max(1.0) as u32;
-        let level = (0..=steps).map(|k| start + RAMP_M + (end - start - RAMP_M) * k as f32 / steps as f32);
-        let stations: Vec<(f32, f32)> =
-            std::iter::once((start, HEIGHTS_M[0])).chain(level.map(|along| (along, HEIGHTS_M[1]))).collect();
-        for pair in stations.windows(2) {
-            let corner = |(along, z): (f32, f32), side: f32| (from + ahead * along + left * side).extend(z);
-            let corners =
-                [corner(pair[0], -1.0), corner(pair[1], -1.0), corner(pair[1], 1.0), corner(pair[0], 1.0)];
-            mesh.face(&corners, &corners.map(|at| at.truncate() / 5.0), ASPHALT);
-        }
-    }
-}
-
 /// All roads that lead out of a town.
 pub(super) fn roads(map: &CityMap, field: &RoadField, relief: &Relief) -> Vec<CountryRoad> {
     let mut gates = ends(map, relief);
     if gates.is_empty() {
         gates = gaps(map, field, relief);
     }
-    gates.iter().map(|gate| road(gate, relief)).collect()
+    gates.iter().map(|gate| road(gate, field, relief)).collect()
 }
 
 /// Ends of the town's own roads near its edge.
@@ -293,7 +267,7 @@ fn gap(obstacles: &[Obstacle<'_>], field: &RoadField, edge: DVec2, inward: DVec2
 }
 
 /// The line of a road from its gate.
-fn road(gate: &Gate, relief: &Relief) -> CountryRoad {
+fn road(gate: &Gate, field: &RoadField, relief: &Relief) -> CountryRoad {
     let edge = gate.from + gate.ahead * edge_distance(relief, gate.from, gate.ahead);
     let middle = (relief.town[0] + relief.town[1]) / 2.0;
     let (mut at, mut ahead) = (edge, gate.ahead);
@@ -310,5 +284,6 @@ fn road(gate: &Gate, relief: &Relief) -> CountryRoad {
         at += ahead * step_m;
         line.push(at);
     }
-    CountryRoad::new(gate.half_m, vec![gate.from, edge], line)
+    let mouth = Mouth::new(field, gate.from, gate.ahead, gate.half_m);
+    CountryRoad::new(gate.half_m, (vec![gate.from, edge], mouth), line)
 }

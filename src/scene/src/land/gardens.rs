@@ -1,5 +1,6 @@
 //! Gardens behind houses, where there is room: a fence or a hedge around a lawn, a path, a bed, a shed and a tree.
 
+use super::super::doorways::Way;
 use super::super::ground_sheet::GRASS_M;
 use super::super::grounds::{covers, distance_to, ring_of};
 use super::super::mesh::{Class, Finish, Mesh, Surface};
@@ -60,8 +61,8 @@ pub(super) struct Garden {
     seed: u32,
 }
 
-/// The gardens of a map.
-pub(super) fn gardens(map: &CityMap, field: &RoadField, roads: &[CountryRoad]) -> Vec<Garden> {
+/// The gardens of a map, none before a door.
+pub(super) fn gardens(map: &CityMap, field: &RoadField, roads: &[CountryRoad], ways: &[Way]) -> Vec<Garden> {
     let mut gardens: Vec<Garden> = Vec::new();
     for (piece, index) in map.scenery.iter().zip(0_u32..).filter(|(piece, _)| is_home(piece)) {
         let ring = ring_of(&piece.shape);
@@ -76,7 +77,10 @@ pub(super) fn gardens(map: &CityMap, field: &RoadField, roads: &[CountryRoad]) -
                 depth_m: DEPTHS_M[0],
                 seed: GARDEN_SEEDS + 4 * index + k as u32,
             };
-            let has_room = |garden: &Garden| garden.has_room(map, field, roads, piece, &gardens);
+            let has_room = |garden: &Garden| {
+                !ways.iter().any(|way| garden.contains(way.threshold()))
+                    && garden.has_room(map, field, roads, piece, &gardens)
+            };
             DEPTHS_M.map(|depth_m| Garden { depth_m, ..garden }).into_iter().find(has_room)
         });
         // The deepest one, and of these the one farthest from the street.
@@ -253,7 +257,7 @@ impl Garden {
     ) -> SceneObject {
         let piece = Scenery { kind, name: String::new(), height_m, front_rad: None, shape };
         let place = SeededScenery { piece: &piece, seed: self.seed };
-        if kind == SceneryKind::Tree { nursery.tree(&place) } else { plants::hedge(&place) }
+        if kind == SceneryKind::Tree { nursery.tree(&place) } else { plants::hedge(&place, &[]) }
     }
 
     fn fence(&self, mesh: &mut Mesh, line: &[DVec2]) {

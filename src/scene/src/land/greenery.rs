@@ -48,13 +48,21 @@ const HEDGED: f32 = 0.72;
 const HEDGE_TREES_M: f64 = 34.0;
 const AVENUE_M: f64 = 17.0;
 /// Beyond the first distance hedgerows have few corners at all levels, beyond the second there are none.
-const HEDGES_M: [f64; 2] = [330.0, 1200.0];
+const HEDGES_M: [f64; 2] = [330.0, 1000.0];
 /// Stretches of a hedgerow that are one in the coarsest level.
 const HEDGE_JOINED: u32 = 2;
 /// Lattice of trees that stand alone, the share of its nodes that have one, and how far from the town they grow.
 const ALONE_M: f64 = 64.0;
 const ALONE: f32 = 0.2;
-const ALONE_WITHIN_M: f64 = 700.0;
+const ALONE_WITHIN_M: f64 = 600.0;
+
+/// Lattice of trees and bushes on the common land, in groups of this size, and the share of their nodes that have one.
+const COMMON_TREES_M: f64 = 11.0;
+const COMMON_GROUPS_M: f64 = 34.0;
+const COMMON_TREES: f32 = 0.55;
+/// Share of the edge of the common land with a hedgerow, in stretches of this size.
+const COMMON_HEDGED: f64 = 0.58;
+const COMMON_HEDGES_M: f64 = 90.0;
 
 /// Plants of a tile: of woods, and others, at each level of detail.
 #[derive(Default)]
@@ -121,12 +129,21 @@ impl Greenery<'_> {
         let far = self.wood(sparse_m, [woods::SPARSE_FROM_M, fields::REACH_M + BEYOND_FIELDS_M]);
         let avenues = self.roads.iter().flat_map(|road| self.avenue(road));
         let farms = self.farms.iter().flat_map(Self::of_farm);
-        for tree in near.into_iter().chain(far).chain(avenues).chain(farms).chain(self.alone()) {
+        for tree in
+            near.into_iter().chain(far).chain(avenues).chain(farms).chain(self.alone()).chain(self.common())
+        {
             self.plant(&mut tiles, tree);
         }
         for (ends, seed) in self.fields.boundaries() {
             if hash_to_unit(seed, 71) < HEDGED && self.relief.away_m(ends[0]) < HEDGES_M[1] {
                 self.hedgerow(&mut tiles, ends, seed);
+            }
+        }
+        let edge = self.fields.common_edge();
+        for k in 0..edge.len() {
+            let ends = [edge[k], edge[(k + 1) % edge.len()]];
+            if noise(ends[0] / COMMON_HEDGES_M, 86) < COMMON_HEDGED {
+                self.hedgerow(&mut tiles, ends, seed_at([k as i32, 86]));
             }
         }
         let objects = tiles.into_iter().flat_map(|((rank, _), tile)| self.objects_of(tile, TILES_M[rank].1));
@@ -183,6 +200,20 @@ impl Greenery<'_> {
             grows.then(|| CountryTree::alone(at, seed_at(node), radius_m))
         };
         self.woods.lattice(ALONE_M, 0.9, [0.0, ALONE_WITHIN_M]).filter_map(tree)
+    }
+
+    /// Trees and bushes between the town and its fields, in groups.
+    fn common(&self) -> impl Iterator<Item = CountryTree> {
+        let tree = |(node, at): ([i32; 2], DVec2)| {
+            let drawn = f64::from(hash_at(node, 87));
+            let radius_m = 1.1 + 2.6 * drawn * drawn;
+            let grows = noise(at / COMMON_GROUPS_M, 88) > 0.48
+                && hash_at(node, 89) < COMMON_TREES
+                && self.fields.off_common_m(at) < -radius_m
+                && self.is_free(at, radius_m);
+            grows.then(|| CountryTree::alone(at, seed_at(node), radius_m))
+        };
+        self.woods.lattice(COMMON_TREES_M, 0.9, [0.0, 2.0 * fields::COMMON_M]).filter_map(tree)
     }
 
     /// Trees along both sides of a road, with gaps.

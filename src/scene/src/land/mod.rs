@@ -7,12 +7,14 @@ mod fields;
 mod gardens;
 mod greenery;
 mod hedgerows;
+mod mouth;
 mod relief;
 mod sheds;
 mod sheet;
 mod woods;
 
 use super::SceneObject;
+use super::doorways::Way;
 use super::lanes::LaneBoxIndex;
 use super::mesh::Mesh;
 use super::roads::{RoadField, closed_ground};
@@ -41,20 +43,28 @@ pub(super) struct Land {
 
 /// The roads that lead out of the town of a map, as the land around it has them.
 pub(super) fn roads_out(map: &CityMap) -> Vec<CountryRoad> {
-    let relief = Relief { town: closed_ground(map), yards: Vec::new() };
-    country_roads::roads(map, &RoadField::new(map), &relief)
+    roads_from(map, &RoadField::new(map))
+}
+
+/// [`roads_out`] for the road field of the map.
+pub(super) fn roads_from(map: &CityMap, field: &RoadField) -> Vec<CountryRoad> {
+    country_roads::roads(map, field, &Relief { town: closed_ground(map), yards: Vec::new() })
 }
 
 impl Land {
-    /// The land from the rim of the closed ground on.
-    pub(super) fn new(map: &CityMap, field: &RoadField, rim: Vec<DVec2>) -> Self {
+    /// The land from the rim of the closed ground on; these roads lead out, these ways to doors stay free.
+    pub(super) fn new(
+        map: &CityMap,
+        field: &RoadField,
+        rim: Vec<DVec2>,
+        (roads, ways): (Vec<CountryRoad>, &[Way]),
+    ) -> Self {
         let around = |[low, high]: [DVec2; 2], at: &DVec2| [low.min(*at), high.max(*at)];
         let town = rim.iter().fold([DVec2::INFINITY, DVec2::NEG_INFINITY], around);
         let mut relief = Relief { town, yards: Vec::new() };
-        let roads = country_roads::roads(map, field, &relief);
         let farms = farms::farms(&relief, &roads, Woods { relief: &relief });
         relief.yards = farms.iter().map(|farm| farm.yard).collect();
-        let gardens = gardens::gardens(map, field, &roads);
+        let gardens = gardens::gardens(map, field, &roads, ways);
         Self { relief, roads, farms, gardens, rim }
     }
 

@@ -16,7 +16,7 @@ fn grid(size: &str) -> CityMap {
 fn land_of(map: &CityMap) -> Land {
     let field = RoadField::new(map);
     let rim = Outlines::new(&field, &[]).ground(map, &[]).rim();
-    Land::new(map, &field, rim)
+    Land::new(map, &field, rim, (roads_from(map, &field), &[]))
 }
 
 fn objects_of(map: &CityMap, land: &Land) -> Vec<SceneObject> {

@@ -258,20 +258,22 @@ fn wipers(builder: &mut PrimitiveBuilder, shape: &CarShape, top: &[Vec3], foot: 
     };
     let slope = (top[5] - foot[5]).cross(Vec3::Y).normalize_or(Vec3::X);
     let out = if slope.x < 0.0 { -slope } else { slope };
-    // Sections run from right to left: each one from its pivot on the cowl to its tip on the glass.
-    for [pivot, tip] in [[6.45, 4.96], [4.72, 3.5]] {
-        let ends = [on([foot, &front], pivot, 0.6), on([foot, top], tip, 0.03)];
-        wiper_bar(builder, ends, out, 0.010);
-        // The arm, broader, and half as long.
-        wiper_bar(builder, [ends[0], ends[0].lerp(ends[1], 0.5)], out, 0.018);
+    // Sections run from right to left. A blade rests along the foot of the glass; its arm comes from a pivot on the cowl
+    // and holds it in its middle.
+    for [pivot, heel, tip] in [[6.50, 6.30, 4.75], [4.78, 4.58, 3.15]] {
+        let blade = [on([foot, top], heel, 0.010), on([foot, top], tip, 0.026)];
+        let joint = blade[0].lerp(blade[1], 0.52);
+        wiper_bar(builder, blade, out, (0.006, [0.003, 0.016]));
+        wiper_bar(builder, [on([foot, &front], pivot, 0.6), joint], out, (0.009, [0.014, 0.026]));
+        let clip = [0.46, 0.58].map(|share| blade[0].lerp(blade[1], share));
+        wiper_bar(builder, clip, out, (0.010, [0.012, 0.024]));
     }
 }
 
-/// A bar a little before the glass, which it stands on with its narrow side.
-fn wiper_bar(builder: &mut PrimitiveBuilder, ends: [Vec3; 2], out: Vec3, half_m: f32) {
-    const PROUD_M: [f32; 2] = [0.006, 0.022];
+/// A bar of half a width before the glass, from one distance from it to another.
+fn wiper_bar(builder: &mut PrimitiveBuilder, ends: [Vec3; 2], out: Vec3, (half_m, proud_m): (f32, [f32; 2])) {
     let up = out.cross(ends[1] - ends[0]).normalize_or(Vec3::Z) * half_m;
-    let corner = |end: usize, side: f32, layer: usize| ends[end] + up * side + out * PROUD_M[layer];
+    let corner = |end: usize, side: f32, layer: usize| ends[end] + up * side + out * proud_m[layer];
     let long = |[(s0, l0), (s1, l1)]: [(f32, usize); 2]| {
         [corner(0, s0, l0), corner(1, s0, l0), corner(1, s1, l1), corner(0, s1, l1)]
     };

@@ -1,12 +1,13 @@
 //! What is seen through the glass of a near car: lining, seats, steering wheel and driver.
 
-use super::shape::CarShape;
+use super::shape::{CarShape, Rear};
 use super::{PrimitiveBuilder, StaticMaterial, body};
 use city3d_models::MeshPrimitive;
 use glam::Vec3;
 use std::f32::consts::TAU;
 
-pub(super) const LINING: StaticMaterial = StaticMaterial::new("lining", [118, 116, 112]);
+pub(super) const LINING: StaticMaterial = StaticMaterial::new("lining", [88, 86, 83]);
+const BULKHEAD: StaticMaterial = StaticMaterial::new("bulkhead", [60, 62, 66]);
 const SEAT: StaticMaterial = StaticMaterial::new("seat", [112, 106, 98]);
 const CARPET: StaticMaterial = StaticMaterial::new("carpet", [48, 50, 55]);
 const WHEEL: StaticMaterial = StaticMaterial::new("steering_wheel", [24, 24, 26]).rough(0.6);
@@ -67,6 +68,11 @@ pub(super) fn interior(builder: &mut PrimitiveBuilder, shape: &CarShape) {
         }
     }
     driver(builder, Vec3::new(first, 0.42, floor));
+    if shape.rear == Rear::Cargo {
+        // The wall between the cab and the load.
+        let (low, high) = (Vec3::new(pillar - 0.10, -0.80, floor), Vec3::new(pillar - 0.06, 0.80, 1.95));
+        builder.block(low, high, BULKHEAD, INSIDE);
+    }
 }
 
 pub(super) fn seat(builder: &mut PrimitiveBuilder, at: Vec3) {
