@@ -37,7 +37,6 @@ use city3d_models::Model;
 use city3d_protocol::snapshot::{BodyType, FrameSnapshot};
 use city3d_scene::SceneDescription;
 use city3d_sensors::{PictureKind, View, Weather};
-
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
