@@ -27,9 +27,9 @@ pub(super) fn playground(mesh: &mut Mesh, place: &SeededScenery<'_>) {
     border.push(ring[0]);
     along(mesh, &border, 0.16, 0.30, SLATS, SLATS);
     let centre = middle(&place.piece.shape).extend(SAND_M - 0.02);
-    swing(mesh, centre + Vec3::new(-1.9, -1.5, 0.0));
+    swing(mesh, centre + Vec3::new(-1.6, -1.5, 0.0));
     tower(mesh, centre + Vec3::new(1.7, 1.2, 0.0));
-    arch(mesh, centre + Vec3::new(1.5, -1.9, 0.0));
+    arch(mesh, centre + Vec3::new(1.75, -1.9, 0.0));
 }
 
 /// A tube between two places.
