@@ -1,7 +1,7 @@
 // Ground near the camera: stones, blades of grass and joints that are finer than the texels of its textures.
 
 // Size of a pixel on the ground, as a share of the size of what is drawn, between which it fades out.
-const DETAIL_FADE: vec2<f32> = vec2<f32>(0.22, 0.60);
+const DETAIL_FADE: vec2<f32> = vec2<f32>(0.12, 0.80);
 
 // What near ground adds to its texture.
 struct GroundDetail {
@@ -170,7 +170,7 @@ fn ground_detail(
     let is_stone = is_paving || layer == CONCRETE;
     let grain = select(ASPHALT, CONCRETE, is_stone);
     let size = select(0.011, select(0.005, 0.016, layer == GRAVEL), is_stone || layer == SAND || layer == GRAVEL);
-    var found = stone_detail(world, pixel, size, select(1.0, 0.45, is_stone || layer == SAND));
+    var found = stone_detail(world, pixel, size, select(0.5, 0.35, is_stone || layer == SAND));
     found.tone *= mix(1.0, ground_pattern(grain, world, 0.83, dx.xy, dy.xy), select(1.4, 1.0, is_stone));
     if is_paving {
         // Axes of the texture in the city, from the derivatives of both.

@@ -6,6 +6,7 @@ use super::foliage::limb;
 use super::ground_sheet::KERB_M;
 use super::kerbside::{KerbRow, Posts, along_kerb, has_room};
 use super::mesh::{Class, Finish, Mesh, Surface};
+use super::polygon::doubled_area;
 use super::roads::RoadField;
 use super::{LodMesh, SceneObject, hash_to_unit};
 use city3d_roadmap::{CityMap, SceneryKind};
@@ -17,6 +18,8 @@ const ROW: KerbRow = KerbRow { spacing_m: 5.5, off_kerb_m: [0.75, 1.65], salt: 1
 const CLEAR_M: f64 = 0.55;
 /// Share of those along kerbs who wait astride a bicycle.
 const CYCLISTS: f32 = 0.06;
+/// Smaller areas within kerbs are islands of roundabouts, square metres.
+const LEAST_AREA_M2: f64 = 500.0;
 /// Seat of a bench, and where on it people sit, along it.
 const SEAT_M: f32 = 0.58;
 const SEATS_M: [f32; 2] = [-0.42, 0.40];
@@ -245,7 +248,9 @@ fn object((pose, outfit): &(Pose, Outfit)) -> SceneObject {
     }
     let mut plain = Mesh::default();
     plain_figure(&mut plain, *pose, outfit);
-    object.add_level(plain, PLAIN_ERROR_M);
+    // Its legs are apart, on both sides of the bicycle.
+    let error_m = if *pose == Pose::Straddle { 1.4 * PLAIN_ERROR_M } else { PLAIN_ERROR_M };
+    object.add_level(plain, error_m);
     object
 }
 
@@ -289,7 +294,9 @@ pub(super) fn people(
             people.push(bicycles::painted(&bicycle, here, seed));
         }
     };
-    for (ring, seed) in kerbs.iter().zip(0..) {
+    // Nobody has a way to the island of a roundabout.
+    let has_people = |ring: &[DVec2]| doubled_area(ring).abs() > 2.0 * LEAST_AREA_M2;
+    for (ring, seed) in kerbs.iter().zip(0..).filter(|(ring, _)| has_people(ring)) {
         for (seed, at, along) in along_kerb(ring, seed, &ROW) {
             if !has_room(map, field, posts, (at, CLEAR_M)) {
                 continue;
