@@ -362,6 +362,7 @@ fn who_hangs_over_the_beginning_of_its_route_is_seen_from_the_lane_before() {
     let map = Arc::clone(&shipped("city", ModelKind::Bicycle).experiment().city_map);
     let lane = map.lane_by_name("south-boulevard/east/outer/1").unwrap();
     let before = map.lane(lane.predecessors[0]);
+    let first = map.lane(before.predecessors[0]);
     // The front axle of the obstacle stands on its route, and most of its body on the last lane of the follower.
     let text = format!(
         r#"
@@ -371,7 +372,7 @@ fn who_hangs_over_the_beginning_of_its_route_is_seen_from_the_lane_before() {
         controller = "parked"
         [[vehicle]]
         name = "follower"
-        route = [{:?}]
+        route = [{:?}, {:?}]
         at_m = {}
         speed_mps = 0.3
         [[vehicle]]
@@ -380,8 +381,9 @@ fn who_hangs_over_the_beginning_of_its_route_is_seen_from_the_lane_before() {
         route = [{:?}]
         at_m = 0.01
     "#,
+        first.name,
         before.name,
-        (before.curve.length() - 35.0) / 25.0,
+        ((first.curve.length() - 20.0) / 25.0).max(0.05),
         lane.name
     );
     for model in [ModelKind::Bicycle, ModelKind::Raycast] {
