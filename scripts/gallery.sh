@@ -25,8 +25,8 @@ take windscreen roundabout --size 960x600 --quality high --from 12 --duration 12
 
 # The same city at three times of day, and with many cameras in mind.
 for time in noon low_sun night; do
-    take "$time" city --size 960x540 --quality high --time "$time" --from 20 --duration 20 \
-        --camera chase --vehicle 20
+    take "$time" city --size 960x540 --quality high --time "$time" --from 48.5 --duration 48.5 \
+        --camera chase --vehicle 10
 done
 take low city --size 960x540 --quality low --from 20 --duration 20 --camera windscreen --vehicle 12
 
