@@ -117,6 +117,9 @@ pub struct VehicleMeasures {
     pub longest_stand_s: f64,
     /// One between two vehicles counts for both.
     pub collisions: u64,
+    /// It is parked, and nobody has driven it off; a summary of an earlier version does not say.
+    #[serde(default)]
+    pub is_obstacle: bool,
     /// A person has driven it; a summary of an earlier version does not say.
     #[serde(default)]
     pub driven_by_hand: bool,
@@ -183,6 +186,7 @@ impl RunMeasures {
             stops: Some(vehicle.stops.into()),
             longest_stand_s: vehicle.longest_stand_s,
             collisions: vehicle.collisions.into(),
+            is_obstacle: vehicle.is_obstacle,
             driven_by_hand: vehicle.driven_by_hand,
         };
         let (trips, safety) = (&summary.traffic.trips, &summary.traffic.safety);

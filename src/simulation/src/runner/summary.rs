@@ -36,6 +36,9 @@ pub struct VehicleSummary {
     pub max_lane_excess_m: f64,
     /// Collisions with vehicles and static obstacles; one between two vehicles counts for both.
     pub collisions: u32,
+    /// It is parked, and nobody has driven it off: it is no traffic.
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    pub is_obstacle: bool,
     /// A person has driven it, at least for a while.
     #[serde(skip_serializing_if = "std::ops::Not::not")]
     pub driven_by_hand: bool,
@@ -236,6 +239,7 @@ impl Summary {
                     .filter(|excess_m| excess_m.is_finite())
                     .unwrap_or(0.0),
                 collisions: totals.collisions,
+                is_obstacle: observer.traffic().vehicle(id).is_some_and(Tracked::is_obstacle),
                 driven_by_hand: totals.driven_by_hand,
                 traffic: observer
                     .traffic()
@@ -248,9 +252,8 @@ impl Summary {
         let lanes = observer.lanes().unused().map(|lane| experiment.city_map.lane(lane).name.clone());
         // An empty sum of floats is -0.
         let mean = |of: fn(&VehicleSummary) -> f64| {
-            let is_obstacle = |id| observer.traffic().vehicle(id).is_some_and(Tracked::is_obstacle);
-            let drivers = || vehicles.iter().filter(|(id, _)| !is_obstacle(VehicleId(**id)));
-            let sum = drivers().fold(0.0, |sum, (_, vehicle)| sum + of(vehicle));
+            let drivers = || vehicles.values().filter(|vehicle| !vehicle.is_obstacle);
+            let sum = drivers().fold(0.0, |sum, vehicle| sum + of(vehicle));
             sum / drivers().count().max(1) as f64
         };
         Self {

@@ -193,7 +193,7 @@ fn run_controls(
 /// In place of the controls of the run: what is edited is saved and run.
 fn edited_run_controls(ui: &mut Ui, shown: &ViewModel<'_>, actions: &mut Vec<UiAction>) {
     let may_run = shown.edit.is_some_and(|edit| edit.problems.is_empty() && !edit.is_checking);
-    let start = Button::new("\u{25b6} Start").min_size(egui::vec2(BUTTON, 0.0));
+    let start = Button::new("\u{25b6} Save, run").min_size(egui::vec2(BUTTON, 0.0));
     let keys = commands::key_map::of(ui.ctx());
     let tip = keys.tip("Save the scenario and run it", commands::EDITING.run);
     let start = ui.add_enabled(may_run, start).on_hover_text(tip);

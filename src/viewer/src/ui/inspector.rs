@@ -5,6 +5,7 @@ use super::commands::{self, PREVIEW, TAKE_CONTROL, key_map};
 use super::theme::{self, DecimalSeparator, SpeedUnit};
 use super::{CityKind, UiAction, UiState, ViewModel, plans, status};
 use city3d_control::PLAN_SLACK_M;
+use city3d_control::{CRUISE, PARKED};
 use city3d_protocol::snapshot::{
     ControlDecision, DecisionReason, EventKind, Status, VehicleId, VehicleInfo, VehicleState,
 };
@@ -200,8 +201,17 @@ fn why(
         Status::Manual => return row(ui, "Why", "driven by hand", "A person drives it"),
         _ => {}
     }
+    let driver = shown.drivers.get(&vehicle.id).map(String::as_str);
+    if driver == Some(PARKED) {
+        return row(ui, "Why", "parked", "An obstacle: its driver stays where it is");
+    }
     let Some(decision) = decision else { return row(ui, "Why", not_told(shown), tip) };
     let text = reason_words(shown, decision);
+    if driver == Some(CRUISE) {
+        // Else a free road before an obstacle would mislead.
+        let text = format!("{text}; cruise ignores other vehicles");
+        return row(ui, "Why", &text, tip);
+    }
     match decision.other {
         Some(other) => row_with_vehicle(ui, ("Why", &text, tip), other, link),
         None => row(ui, "Why", &text, tip),
@@ -295,7 +305,9 @@ fn motion(
     let (decimal, scale) = (theme::decimal(ui.ctx()), shown.scale());
     let speed = |speed_mps: f64| format!("{} {}", units.number(speed_mps, scale, decimal), units.label());
     // Control goes on deciding for a vehicle that does not obey it.
-    let decision = decision.filter(|_| obeys_control(vehicle.status));
+    let is_parked = shown.drivers.get(&vehicle.id).is_some_and(|driver| driver == PARKED);
+    let obeys = obeys_control(vehicle.status) && !is_parked;
+    let decision = decision.filter(|_| obeys);
     if !status::is_tracked(vehicle.status) {
         let unknown = format!("{}, not tracked", status::NOT_MEASURED);
         row(ui, "Speed", &unknown, status::NOT_MEASURED_TIP);
@@ -303,7 +315,7 @@ fn motion(
     }
     let target = match decision {
         Some(decision) => format!(", target {}", speed(decision.target_mps)),
-        None if obeys_control(vehicle.status) => format!(", target {}", not_told(shown)),
+        None if obeys => format!(", target {}", not_told(shown)),
         None => String::new(),
     };
     let speeds = status::speed_words(vehicle.status, speed(vehicle.speed_mps));

@@ -200,6 +200,10 @@ pub(super) fn show(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>, acti
             ui.separator();
             event_buttons(ui, state, (shown, replay), actions);
             ui.separator();
+            // A list does not wrap by itself, and would make the timeline longer than the window.
+            if ui.available_size_before_wrap().x < SPEED_LIST {
+                ui.end_row();
+            }
             // Always there, so that nothing moves when one looks back.
             ui.add_enabled_ui(replay.is_played(), |ui| speed(ui, replay, actions));
             clock(ui, shown, replay);
@@ -217,6 +221,8 @@ pub(super) fn show(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>, acti
     track::show(ui, state, shown, replay, actions);
 }
 
+/// Room for the list of speeds, points.
+const SPEED_LIST: f32 = 76.0;
 /// Width of the menu of what has no room, points.
 const OVERFLOW: f32 = 340.0;
 

@@ -497,7 +497,7 @@ fn driver_words(name: &str) -> String {
         "idm" => "IDM (car following)".to_owned(),
         "cacc" => "CACC (cooperative adaptive cruise control)".to_owned(),
         "ploeg" => "CACC by Ploeg (platoon)".to_owned(),
-        "cruise" => "cruise (constant speed)".to_owned(),
+        "cruise" => "cruise (ignores other vehicles)".to_owned(),
         "parked" => "parked (an obstacle)".to_owned(),
         "human" => "a person".to_owned(),
         YOU => "you, by hand".to_owned(),

@@ -120,6 +120,14 @@ impl ScenarioEditor {
         Ok(editor)
     }
 
+    /// Whether it edits what a request shows, and nobody else has changed the file since it was saved.
+    pub fn is_of(&self, request: &ScenarioRequest) -> bool {
+        let is_same_file = self.file.as_deref() == Some(Path::new(&request.scenario));
+        let in_file = || self.file.as_deref().and_then(|file| std::fs::read_to_string(file).ok());
+        self.is_changed()
+            || is_same_file && request.changes.is_empty() && in_file().as_deref() == Some(&self.saved)
+    }
+
     /// The edited text.
     pub fn text(&self) -> &str {
         &self.versions[self.at].text

@@ -129,7 +129,7 @@ fn driver(ui: &mut Ui, vehicle: &StatedVehicle, edit: &EditView<'_>) -> Option<V
 fn driver_meaning(name: &str, default: &str) -> String {
     let known = match name {
         "idm" => "Intelligent driver model: its desired speed, and a time headway to the vehicle ahead",
-        "cruise" => "Constant speed, regardless of traffic ahead",
+        "cruise" => "The speed of road and bends, regardless of other vehicles",
         "cacc" => "Behind its predecessor in a platoon at a constant spacing, else as idm",
         "ploeg" => "Behind its predecessor in a platoon at a constant time headway, else as idm",
         "sinusoid" => "A speed that oscillates below the desired one; behind others at most as idm",

@@ -223,7 +223,8 @@ fn results(
     traffic: Option<&TrafficMeasures>,
 ) {
     // What never moves is an obstacle.
-    let drivers = measures.vehicles.values().filter(|vehicle| vehicle.distance_m > MOVES_M);
+    let drivers =
+        measures.vehicles.values().filter(|vehicle| vehicle.distance_m > MOVES_M && !vehicle.is_obstacle);
     let longest = drivers.max_by(|a, b| a.longest_stand_s.total_cmp(&b.longest_stand_s));
     Grid::new("results").num_columns(2).spacing([18.0, 3.0]).show(ui, |ui| {
         let mut row = |name: &str, value: String, is_bad: bool| {

@@ -139,6 +139,7 @@ fn light() -> Visuals {
     visuals.faint_bg_color = Color32::from_gray(238);
     visuals.warn_fg_color = Color32::from_rgb(150, 75, 0);
     visuals.error_fg_color = Color32::from_rgb(180, 0, 25);
+    visuals.hyperlink_color = Color32::from_rgb(0, 85, 155);
     visuals
 }
 

@@ -44,6 +44,7 @@ fn every_text_can_be_read_on_its_background() {
                 ("weak text", visuals.weak_text_color()),
                 ("strong text", visuals.strong_text_color()),
                 ("warning", visuals.warn_fg_color),
+                ("link", visuals.hyperlink_color),
             ] {
                 pairs.push((format!("{text} on {name}"), colour, background));
             }

@@ -58,6 +58,8 @@ impl ViewerState {
     }
 
     fn begin_editing(&mut self, now_s: f64) {
+        let request = &self.request;
+        self.editor = self.editor.take().filter(|editor| editor.is_of(request));
         if self.editor.is_none() {
             match ScenarioEditor::begin(&self.request, Arc::clone(&self.recording.on_update)) {
                 Ok(editor) => self.editor = Some(editor),
@@ -69,13 +71,17 @@ impl ViewerState {
             }
         }
         self.give_back(now_s);
-        if self.run_state().phase == RunPhase::Running {
+        let phase = self.run_state().phase.clone();
+        if phase == RunPhase::Running {
             self.send(Order::Pause);
         }
         self.past.go_live();
         self.edits = true;
         self.state.open.editor = true;
-        let said = "Editing: the run is paused. Save and run what is edited";
+        let said = match phase {
+            RunPhase::Over => "Editing: the finished run is kept. Save and run what is edited",
+            _ => "Editing: the run is paused. Save and run what is edited",
+        };
         self.state.say(self.state.keys.tip(said, EDITING.run), now_s);
     }
 
@@ -153,7 +159,8 @@ impl ViewerState {
     /// Another scenario or log is shown: what was edited and not saved is kept in a file; returns the message about it.
     pub(super) fn leave_editor(&mut self) -> Option<String> {
         self.edits = false;
-        let editor = self.editor.take().filter(ScenarioEditor::is_changed)?;
+        // Who runs what they have saved can still undo it afterwards.
+        let editor = self.editor.take_if(|editor| editor.is_changed())?;
         let folder = runs_folder()?.parent()?.join("unsaved");
         Some(match keep_unsaved(&editor, &folder) {
             Ok(path) => format!("Changes that were not saved are kept in {}", path.display()),

@@ -157,8 +157,8 @@ impl ViewerState {
                 if let Some(why) = written.failure {
                     self.state.notice = Some((why.to_string(), now_s + FILES_ARE_TOLD_S));
                 } else if let Some(last) = written.folders.last() {
-                    self.state
-                        .say(format!("The run before, {name}, is recorded in {}", last.display()), now_s);
+                    let said = format!("The run before, {name}, is recorded in {}", last.display());
+                    self.state.add_to_said(said, now_s);
                 }
                 self.recorded.extend(recorded(name, written.folders));
             }
