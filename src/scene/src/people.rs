@@ -373,7 +373,8 @@ mod tests {
                 assert!(far > lane.width_m / 2.0 + 0.4, "{foot} is {far} m from the middle of {}", lane.name);
             }
         }
-        assert!(standing > 150 && sitting > 5, "{standing} stand or walk, {sitting} sit");
+        // On pavements alone: none on the islands of roundabouts.
+        assert!(standing > 130 && sitting > 5, "{standing} stand or walk, {sitting} sit");
     }
 
     #[test]
