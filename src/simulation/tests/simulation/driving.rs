@@ -374,7 +374,7 @@ fn who_hangs_over_the_beginning_of_its_route_is_seen_from_the_lane_before() {
         name = "follower"
         route = [{:?}, {:?}]
         at_m = {}
-        speed_mps = 0.3
+        speed_mps = 0.2
         [[vehicle]]
         name = "obstacle"
         driver = "parked"
