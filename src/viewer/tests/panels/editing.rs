@@ -243,7 +243,7 @@ fn a_long_way_round_is_told_beside_its_lane() {
 #[test]
 fn start_saves_and_runs_what_is_edited_and_the_old_run_is_neither_stepped_nor_reset() {
     let mut harness = harness(editing());
-    click(&mut harness, "\u{25b6} Start");
+    click(&mut harness, "\u{25b6} Save, run");
     assert_eq!(actions(&mut harness), [EditAction::Run]);
     for label in ["\u{23ed} Step", "\u{27f2} Reset"] {
         click(&mut harness, label);
@@ -253,7 +253,7 @@ fn start_saves_and_runs_what_is_edited_and_the_old_run_is_neither_stepped_nor_re
     assert!(harness.state().actions.is_empty(), "{:?}", harness.state().actions);
     harness.state_mut().edit.as_mut().unwrap().problems = vec!["there is no such lane".to_owned()];
     harness.run_steps(2);
-    click(&mut harness, "\u{25b6} Start");
+    click(&mut harness, "\u{25b6} Save, run");
     assert!(harness.state().actions.is_empty());
 }
 
