@@ -193,6 +193,10 @@ impl RosFeedback {
 }
 
 impl PoseFeedback for RosFeedback {
+    fn begin_session(&mut self) {
+        self.0.begin_session();
+    }
+
     fn receive(&mut self, city: &mut Client) -> Option<ClientEvent> {
         self.0.receive(city)
     }

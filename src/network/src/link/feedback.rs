@@ -103,6 +103,14 @@ impl ViconFeedback {
         }
     }
 
+    /// A session with a city begins. It may have been restarted: by the clock of the one before, robots whose poses never
+    /// ceased would be hours ahead, and the city's own clock would look like a reset.
+    pub fn begin_session(&mut self) {
+        self.newest.clear();
+        (self.pending, self.sample, self.answered) = (None, None, None);
+        (self.returned_s, self.last_tick) = (0.0, 0);
+    }
+
     /// Receives the next event of the city, or poses from VICON in the form that the city sends.
     pub fn receive(&mut self, client: &mut Client) -> Option<ClientEvent> {
         self.request_clock(client);
@@ -270,6 +278,30 @@ mod tests {
         assert!(!short.is_worse_than(&sample(ExperimentPhase::Running, 3.2, 100.2, 0.02)));
         assert!(short.is_worse_than(&sample(ExperimentPhase::Running, 5.2, 102.2, 0.02)));
         assert!(short.is_worse_than(&sample(ExperimentPhase::Paused, 3.1, 100.1, 0.02)));
+    }
+
+    #[test]
+    fn poses_after_a_restart_wait_for_the_clock_of_the_new_city() {
+        let mut feedback = ViconFeedback::new(Box::new(Silence::default()), 1, 10);
+        let pose = |stamp_s| Measurement {
+            vehicle: VehicleId(1),
+            stamp_s,
+            position: DVec3::ZERO,
+            orientation: DQuat::IDENTITY,
+        };
+        let tick = |event: Option<ClientEvent>| match event {
+            Some(ClientEvent::Body(Body::Poses(poses))) => Some(poses.tick),
+            _ => None,
+        };
+        feedback.sample = Some(sample(ExperimentPhase::Running, 14.0, wall_s(), 0.001));
+        feedback.add(pose(wall_s()));
+        assert!(tick(feedback.next_frame()).is_some_and(|tick| tick >= 1400));
+        feedback.begin_session();
+        feedback.add(pose(wall_s()));
+        assert_eq!(tick(feedback.next_frame()), None, "by a clock that is gone");
+        feedback.sample = Some(sample(ExperimentPhase::Ready, 0.0, wall_s(), 0.001));
+        feedback.add(pose(wall_s()));
+        assert_eq!(tick(feedback.next_frame()), Some(0));
     }
 
     #[test]

@@ -20,6 +20,9 @@ use std::time::{Duration, Instant};
 
 /// Feedback of poses in place of the city's own, such as motion capture over ROS.
 pub trait PoseFeedback: Send {
+    /// A session with a city begins, whose clock may have nothing to do with that of the one before.
+    fn begin_session(&mut self);
+
     /// Receives the next event, poses or an answer of the city.
     fn receive(&mut self, city: &mut Client) -> Option<ClientEvent>;
 }
@@ -134,6 +137,9 @@ impl RemoteControl {
         (self.answered, self.barrier) = (None, None);
         (self.decisions, self.plans) = (DecisionSampler::default(), PlanSampler::default());
         self.sessions += 1;
+        if let Some(feedback) = &mut self.feedback {
+            feedback.begin_session();
+        }
         Ok(())
     }
 
