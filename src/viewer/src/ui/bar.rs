@@ -37,7 +37,10 @@ pub fn show(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>, actions: &m
             });
             group(ui, "city", |ui| match &shown.run_state.link {
                 Some(link) => super::link::show(ui, link, shown),
-                None => scenario(ui, state, shown, actions),
+                None => {
+                    scenario(ui, state, shown, actions);
+                    edit_button(ui, state, shown, actions);
+                }
             });
         }
         group(ui, "cameras", |ui| cameras(ui, state, shown));
@@ -127,7 +130,7 @@ const PACE: f32 = 54.0;
 /// Width of the duration beside the clock.
 const DURATION: f32 = 50.0;
 /// Width of the list of scenarios, so that its neighbours do not move: a longer name is cut, and stands in the tip.
-const SCENARIO: f32 = 122.0;
+const SCENARIO: f32 = 93.0;
 
 fn run_controls(
     ui: &mut Ui,
@@ -363,6 +366,21 @@ fn scenario(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>, actions: &m
         ),
     };
     cell(ui, SCENARIO, |ui| _ = picker.show_ui(ui, choices).response.on_hover_text(tip));
+}
+
+/// Opens and leaves the editor.
+fn edit_button(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>, actions: &mut Vec<UiAction>) {
+    let button = Button::selectable(shown.edit.is_some(), "Edit");
+    let availability = commands::EDIT.availability(state, shown);
+    let button = ui.add_enabled(availability == commands::Availability::Now, button);
+    let button = match availability {
+        commands::Availability::After(hint) => button.on_disabled_hover_text(hint.words(&state.keys)),
+        _ => button,
+    };
+    let tip = "Change the scenario: vehicles, routes, obstacles; the run waits meanwhile";
+    if button.on_hover_text(commands::EDIT.tip(ui.ctx(), tip)).clicked() {
+        run(&commands::EDIT, ui, state, shown, actions);
+    }
 }
 
 fn cameras(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>) {

@@ -72,16 +72,10 @@ pub fn show(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>, actions: &m
     followed(ui, rect, state, shown);
     let dashboard = dashboard(ui, rect, state, shown);
     loading(ui, rect, shown);
-    let free = if state.layers.map { map::beside(rect) } else { rect };
-    // Below the name of the followed vehicle.
-    let below = if state.viewpoint.follow.is_some() { 34.0 } else { 0.0 };
     // Above what one reads meanwhile: speed and pedals, or what the next click does.
     let over = [dashboard, instruction].into_iter().flatten().map(|rect| rect.top());
-    let bottom = over.fold(free.bottom() - PAST_SIGN, f32::min);
-    let place = free.with_min_y(free.top() + below).with_max_y(bottom);
-    // Dialogs are in the middle and reach far down: what they say must not be hidden.
-    let align = if state.runs.is_modal() { Align2::CENTER_TOP } else { Align2::CENTER_BOTTOM };
-    notice(ui, (place, align), state);
+    let bottom = over.fold(rect.bottom() - PAST_SIGN, f32::min);
+    notice(ui, (rect, bottom), state, shown);
 }
 
 /// Height of the sign of the past at the lower edge, points.
@@ -160,7 +154,11 @@ pub fn pick(canvas: &Canvas<'_>, shown: &ViewModel<'_>, at: Pos2) -> Option<Vehi
 
 /// Where the vehicle is on the screen that the user looks at: the followed one, else the selected one.
 pub fn watched(state: &UiState, shown: &ViewModel<'_>, rect: Rect) -> Option<Rect> {
-    let id = state.viewpoint.follow.or(state.selection.vehicle)?;
+    on_screen(state.viewpoint.follow.or(state.selection.vehicle)?, state, shown, rect)
+}
+
+/// Where a vehicle is in the view; `None` where it is out of it.
+fn on_screen(id: VehicleId, state: &UiState, shown: &ViewModel<'_>, rect: Rect) -> Option<Rect> {
     let seen = shown.interpolated.vehicle(id).zip(shown.interpolated.info(id))?;
     let view = state.pictures.iter().find(|picture| picture.slot == PictureSlot::City)?.view;
     let place = |corner: DVec3| layers::place_of(&view, rect, corner);
@@ -381,12 +379,13 @@ fn followed(ui: &Ui, rect: Rect, state: &UiState, shown: &ViewModel<'_>) {
     let beside = if state.layers.map { super::map::beside(rect) } else { rect };
     let room = (beside.width() - 48.0).max(100.0);
     let text = painter.layout(text, FontId::proportional(13.0), Color32::WHITE, room);
-    let swatch = text.size().y * 0.7;
+    let line = text.rows.first().map_or(0.0, |row| row.height());
+    let swatch = line * 0.7;
     let size = text.size() + egui::vec2(swatch + 6.0, 0.0);
     let place = Align2::LEFT_TOP.anchor_size(rect.left_top() + egui::vec2(14.0, 12.0), size);
     painter.rect_filled(place.expand2(egui::vec2(7.0, 4.0)), 4.0, theme::ON_PICTURE);
     let mark = Rect::from_center_size(
-        place.left_center() + egui::vec2(swatch / 2.0, 0.0),
+        place.left_top() + egui::vec2(swatch / 2.0, line / 2.0),
         egui::Vec2::splat(swatch),
     );
     painter.rect_filled(mark, 2.0, Color32::from_rgb(r, g, b));
@@ -399,21 +398,42 @@ fn followed(ui: &Ui, rect: Rect, state: &UiState, shown: &ViewModel<'_>) {
     painter.galley(place.min + egui::vec2(swatch + 6.0, 0.0), text, Color32::WHITE);
 }
 
-fn notice(ui: &Ui, (rect, align): (Rect, Align2), state: &mut UiState) {
+/// Shows the message, above a lower edge: at the bottom, for titles and buttons of windows are at the top. At the top where a
+/// dialog reaches far down, or where it would hide what it tells of alone at the bottom.
+fn notice(ui: &Ui, (rect, bottom): (Rect, f32), state: &mut UiState, shown: &ViewModel<'_>) {
+    const MARGIN: f32 = 20.0;
     let now_s = ui.input(|input| input.time);
     state.notice = state.notice.take().filter(|(_, until_s)| now_s < *until_s);
-    if let Some((text, until_s)) = &state.notice {
-        // Over all windows: what it tells may be about one of them.
-        let layer = egui::LayerId::new(egui::Order::Tooltip, egui::Id::unique("notice"));
-        let painter = ui.ctx().layer_painter(layer).with_clip_rect(rect);
-        let galley =
-            painter.layout(text.clone(), FontId::proportional(14.0), Color32::WHITE, rect.width() - 40.0);
-        // Else at the bottom: titles and buttons of windows are at the top.
-        let edge = align.pos_in_rect(&rect.shrink(12.0));
-        let place = align.anchor_size(edge, galley.size());
-        painter.rect_filled(place.expand(8.0), 5.0, theme::ON_PICTURE);
-        painter.galley(place.min, galley, Color32::WHITE);
-        let left = (until_s - now_s).max(0.0);
-        ui.ctx().request_repaint_after(std::time::Duration::from_secs_f64(left));
-    }
+    let Some((text, until_s)) = &state.notice else { return };
+    // Over all windows: what it tells may be about one of them.
+    let layer = egui::LayerId::new(egui::Order::Tooltip, egui::Id::unique("notice"));
+    let painter = ui.ctx().layer_painter(layer).with_clip_rect(rect);
+    let beside = if state.layers.map { map::beside(rect) } else { rect };
+    // Below the name of the followed vehicle.
+    let below = if state.viewpoint.follow.is_some() { 34.0 } else { 0.0 };
+    let ends = [
+        (Align2::CENTER_BOTTOM, rect.with_max_y(bottom)),
+        (Align2::CENTER_TOP, beside.with_min_y(beside.top() + below)),
+    ];
+    let placed = ends.map(|(align, room)| {
+        let room = room.shrink(MARGIN);
+        let galley = painter.layout(text.clone(), FontId::proportional(14.0), Color32::WHITE, room.width());
+        (align.align_size_within_rect(galley.size(), room), galley)
+    });
+    let collided = shown.interpolated.vehicles.iter().filter(|vehicle| vehicle.status == Status::Collided);
+    let told: Vec<Rect> = collided
+        .filter_map(|vehicle| on_screen(vehicle.id, state, shown, rect))
+        .chain(watched(state, shown, rect))
+        .collect();
+    let hides = |place: &Rect| told.iter().any(|vehicle| vehicle.intersects(place.expand(8.0)));
+    let [at_bottom, at_top] = placed;
+    let is_better = |other: &Rect, place: &Rect| hides(place) && !hides(other);
+    let (place, galley) = match state.runs.is_modal() || is_better(&at_top.0, &at_bottom.0) {
+        true => at_top,
+        false => at_bottom,
+    };
+    painter.rect_filled(place.expand(8.0), 5.0, theme::ON_PICTURE);
+    painter.galley(place.min, galley, Color32::WHITE);
+    let left = (until_s - now_s).max(0.0);
+    ui.ctx().request_repaint_after(std::time::Duration::from_secs_f64(left));
 }

@@ -33,6 +33,8 @@ const OFF_ROUTE: &str = "no path, off its route";
 const NAMES: f32 = 120.0;
 /// Lanes of the route that are listed.
 const LISTED_LANES: usize = 4;
+/// A lower panel needs the room for its rows, points.
+const LOW: f32 = 230.0;
 
 /// Shows what is known of the selected vehicle.
 pub fn show(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>, actions: &mut Vec<UiAction>) {
@@ -47,9 +49,19 @@ pub fn show(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>, actions: &m
     let insight = shown.run_state.insight.as_deref();
     let decision = insight.and_then(|insight| insight.decision(vehicle.id));
     // Who it is and what can be done with it stay in sight; what is known of it scrolls.
-    heading(ui, shown, (vehicle, info));
-    buttons(ui, state, (shown, actions), vehicle.id);
-    ui.separator();
+    let is_low = ui.available_height() < LOW;
+    if is_low {
+        // One row, where it finds room.
+        ui.horizontal_wrapped(|ui| {
+            heading(ui, shown, (vehicle, info));
+            buttons(ui, state, (shown, actions), vehicle.id);
+        });
+        ui.spacing_mut().interact_size.y = 0.0;
+    } else {
+        ui.horizontal(|ui| heading(ui, shown, (vehicle, info)));
+        ui.horizontal(|ui| buttons(ui, state, (shown, actions), vehicle.id));
+        ui.separator();
+    }
     egui::ScrollArea::vertical().show(ui, |ui| {
         inspected(ui, state, shown, (vehicle, place.as_ref()), (insight, decision));
     });
@@ -97,36 +109,30 @@ fn buttons(
     (shown, actions): (&ViewModel<'_>, &mut Vec<UiAction>),
     id: VehicleId,
 ) {
-    ui.horizontal(|ui| {
-        let follows = state.viewpoint.follow == Some(id);
-        if ui.add_enabled(!follows, egui::Button::new("Follow")).clicked() {
-            state.selection.follow = Some(id);
+    let follows = state.viewpoint.follow == Some(id);
+    if ui.add_enabled(!follows, egui::Button::new("Follow")).clicked() {
+        state.selection.follow = Some(id);
+    }
+    if ui.button("Camera").on_hover_text(PREVIEW.tip(ui.ctx(), "Open or close its preview")).clicked() {
+        state.toggle_preview(id);
+    }
+    if shown.replay.is_none() && shown.may_drive(id) && state.driven() != Some(id) {
+        let tip = TAKE_CONTROL.tip(ui.ctx(), "Drive it with the keyboard");
+        let present = commands::PAST_IS_SHOWN.words(&key_map::of(ui.ctx()));
+        let button = ui.add_enabled(!shown.past.is_shown, egui::Button::new("Take control"));
+        let button = button.on_hover_text(tip).on_disabled_hover_text(present);
+        if button.clicked() {
+            actions.push(UiAction::Drive(id));
         }
-        if ui.button("Camera").on_hover_text(PREVIEW.tip(ui.ctx(), "Open or close its preview")).clicked() {
-            state.toggle_preview(id);
-        }
-        if shown.replay.is_none() && shown.may_drive(id) && state.driven() != Some(id) {
-            let tip = TAKE_CONTROL.tip(ui.ctx(), "Drive it with the keyboard");
-            let present = commands::PAST_IS_SHOWN.words(&key_map::of(ui.ctx()));
-            let button = ui.add_enabled(!shown.past.is_shown, egui::Button::new("Take control"));
-            let button = button.on_hover_text(tip).on_disabled_hover_text(present);
-            if button.clicked() {
-                actions.push(UiAction::Drive(id));
-            }
-        }
-    });
+    }
 }
 
 fn heading(ui: &mut Ui, shown: &ViewModel<'_>, (vehicle, info): (&VehicleState, &VehicleInfo)) {
-    ui.horizontal(|ui| {
-        let [r, g, b] = info.appearance.colour;
-        super::vehicles::chip(ui, Color32::from_rgb(r, g, b), info.is_physical());
-        ui.strong(format!("{} {}", vehicle.id, info.name));
-        ui.label(
-            RichText::new(status::label(vehicle.status)).color(theme::on_panel(ui.ctx(), vehicle.status)),
-        )
+    let [r, g, b] = info.appearance.colour;
+    super::vehicles::chip(ui, Color32::from_rgb(r, g, b), info.is_physical());
+    ui.strong(format!("{} {}", vehicle.id, info.name));
+    ui.label(RichText::new(status::label(vehicle.status)).color(theme::on_panel(ui.ctx(), vehicle.status)))
         .on_hover_ui(|ui| _ = ui.label(status::reason(&key_map::of(ui.ctx()), vehicle, info, shown.map)));
-    });
 }
 
 fn row(ui: &mut Ui, name: &str, text: &str, tip: &str) {

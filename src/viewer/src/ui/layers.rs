@@ -305,23 +305,39 @@ struct PlacedLabel {
     ground: Rect,
 }
 
-/// Labels of the visible vehicles, and where. Of overlapping labels the nearest stays.
+/// Labels of the visible vehicles, and where. Of overlapping labels that of a collision stays, else the nearest.
 fn placed_labels(canvas: &Canvas<'_>, state: &UiState, shown: &ViewModel<'_>) -> Vec<PlacedLabel> {
     let mut labels: Vec<Label> =
         shown.interpolated.iter().filter_map(|seen| label(canvas, state, shown, seen)).collect();
-    labels.sort_by(|a, b| b.is_selected.cmp(&a.is_selected).then(a.depth.total_cmp(&b.depth)));
+    let first = |label: &Label| (label.is_selected, label.status == Status::Collided);
+    labels.sort_by(|a, b| first(b).cmp(&first(a)).then(a.depth.total_cmp(&b.depth)));
+    let map = state.layers.map.then(|| super::map::place(canvas.rect)).flatten();
     let mut placed: Vec<PlacedLabel> = Vec::new();
     for label in labels {
         let font = FontId::proportional(if label.is_selected { 13.0 } else { 11.0 });
         let text = canvas.painter.layout_no_wrap(label.name.clone(), font, label.faded(label.colour));
         let size = text.size() + egui::vec2(text.size().y, 0.0);
         let whole = Align2::CENTER_BOTTOM.anchor_size(label.place, size);
+        let whole = map.map_or(whole, |map| clear_of(map, whole, canvas.rect));
         let ground = whole.expand2(egui::vec2(3.0, 1.0));
         if placed.iter().all(|other| !other.ground.intersects(ground)) {
             placed.push(PlacedLabel { label, text, whole, ground });
         }
     }
     placed
+}
+
+/// A label moved out from under the map: to its left, or below it where the view ends there.
+fn clear_of(map: Rect, label: Rect, view: Rect) -> Rect {
+    const APART: f32 = 6.0;
+    let by = if !label.expand(APART).intersects(map) {
+        egui::Vec2::ZERO
+    } else if map.left() - view.left() > label.width() + 2.0 * APART {
+        egui::vec2(map.left() - APART - label.right(), 0.0)
+    } else {
+        egui::vec2(0.0, map.bottom() + APART - label.top())
+    };
+    label.translate(by)
 }
 
 fn labels(canvas: &Canvas<'_>, state: &UiState, shown: &ViewModel<'_>) {
@@ -392,4 +408,26 @@ fn label_place(canvas: &Canvas<'_>, (vehicle, info): (&VehicleState, &VehicleInf
         BoundingBox::of(vehicle, info).corners().into_iter().filter_map(|corner| canvas.place(corner));
     let top = corners.map(|corner| corner.y).fold(middle.y, f32::min);
     Some(Pos2::new(middle.x, top - LABEL_GAP))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use egui::vec2;
+
+    #[test]
+    fn a_label_stands_beside_the_map_or_below_it() {
+        let view = Rect::from_min_size(Pos2::new(100.0, 50.0), vec2(400.0, 300.0));
+        let map = Rect::from_min_size(Pos2::new(392.0, 58.0), vec2(100.0, 100.0));
+        let label = |x: f32, y: f32| Rect::from_min_size(Pos2::new(x, y), vec2(80.0, 15.0));
+        let away = label(150.0, 100.0);
+        assert_eq!(clear_of(map, away, view), away);
+        for hidden in [label(400.0, 100.0), label(320.0, 60.0), label(450.0, 150.0)] {
+            let seen = clear_of(map, hidden, view);
+            assert!(!seen.intersects(map) && seen.top() == hidden.top(), "{seen:?}");
+        }
+        let narrow = view.with_min_x(380.0);
+        let below = clear_of(map, label(400.0, 100.0), narrow);
+        assert!(!below.intersects(map) && below.top() > map.bottom() && below.left() == 400.0, "{below:?}");
+    }
 }

@@ -26,19 +26,28 @@ pub fn beside(rect: Rect) -> Rect {
     Rect::from_min_max(rect.min, rect.max - Vec2::new(taken, 0.0))
 }
 
-/// The side of the map in a view: it covers no more than two fifths of its width and half of its height. `None` where nothing
+/// The side of the map in a view: it covers no more than a third of its width and half of its height. `None` where nothing
 /// could be told from what is left.
 fn side(rect: Rect) -> Option<f32> {
-    let side = SIZE.min(0.4 * rect.width()).min(0.5 * rect.height()).floor();
+    let side = SIZE.min(0.34 * rect.width()).min(0.5 * rect.height()).floor();
     (side >= LEAST_SIZE).then_some(side)
 }
 
+/// Where the map is in a view; `None` where there is no room for it.
+pub(super) fn place(rect: Rect) -> Option<Rect> {
+    let side = side(rect)?;
+    Some(Rect::from_min_size(rect.right_top() + Vec2::new(-side - MARGIN, MARGIN), Vec2::splat(side)))
+}
+
 /// Says in its corner that there is no room for the map, and what makes room.
-fn no_room(ui: &Ui, rect: Rect) {
+fn no_room(ui: &Ui, rect: Rect, state: &UiState) {
     let painter = ui.painter_at(rect);
     let font = FontId::proportional(theme::SMALL);
     let text = painter.layout_no_wrap("no room for the map".to_owned(), font, Color32::WHITE);
-    let place = Align2::RIGHT_TOP.anchor_size(rect.right_top() + Vec2::new(-MARGIN, MARGIN), text.size());
+    // Below the name of the followed vehicle.
+    let down = if state.viewpoint.follow.is_some() { super::city::NAME_OF_CAMERA.y } else { 0.0 };
+    let corner = rect.right_top() + Vec2::new(-MARGIN, MARGIN + down);
+    let place = Align2::RIGHT_TOP.anchor_size(corner, text.size());
     let ground = place.expand2(Vec2::new(5.0, 3.0));
     painter.rect_filled(ground, 4.0, theme::ON_PICTURE);
     painter.galley(place.min, text, Color32::WHITE);
@@ -73,9 +82,8 @@ pub fn show(ui: &Ui, rect: Rect, state: &mut UiState, shown: &ViewModel<'_>) {
     if !low.is_finite() {
         return;
     }
-    let Some(side) = side(rect) else { return no_room(ui, rect) };
-    let place = Rect::from_min_size(rect.right_top() + Vec2::new(-side - MARGIN, MARGIN), Vec2::splat(side));
-    let scale = f64::from(side - 12.0) / (high - low).max_element().max(1.0);
+    let Some(place) = place(rect) else { return no_room(ui, rect, state) };
+    let scale = f64::from(place.width() - 12.0) / (high - low).max_element().max(1.0);
     let middle = (low + high) / 2.0;
     let on_screen = |point: DVec2| -> Pos2 {
         let from_middle = (point - middle) * scale;

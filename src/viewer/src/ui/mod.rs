@@ -11,6 +11,7 @@ mod controllers;
 mod drive;
 mod editing;
 mod events;
+mod footer;
 mod gaze;
 mod help;
 mod inspector;
@@ -253,6 +254,8 @@ pub struct UiState {
     pub run_until: RunUntilState,
     /// Simulated seconds between two pictures of a time-lapse.
     pub lapse_s: f64,
+    /// Length of a video that ends by itself, seconds.
+    pub video_lasts_s: f64,
     /// What videos show.
     pub video_subject: VideoSubject,
     /// Size of the large view, pixels of the screen.
@@ -312,6 +315,7 @@ impl UiState {
             charts: ChartState::default(),
             run_until: RunUntilState::default(),
             lapse_s: 1.0,
+            video_lasts_s: 10.0,
             video_subject: VideoSubject::default(),
             city_pixels: [1, 1],
             is_scrubbing: false,
@@ -336,6 +340,7 @@ impl UiState {
         next.table = std::mem::take(&mut self.table);
         (next.layers, next.preferences) = (self.layers, self.preferences);
         (next.video_subject, next.lapse_s) = (self.video_subject, self.lapse_s);
+        next.video_lasts_s = self.video_lasts_s;
         (next.keys, next.settings_page) = (Arc::clone(&self.keys), self.settings_page);
         next.devices = std::mem::take(&mut self.devices);
         next.bookmarks = std::mem::take(&mut self.bookmarks);
@@ -529,7 +534,7 @@ pub fn show(ui: &mut egui::Ui, state: &mut UiState, shown: &ViewModel<'_>) -> Ve
         bar::show(ui, state, shown, &mut actions);
         ui.add_space(3.0);
     });
-    egui::Panel::bottom("footer").frame(frame).show(ui, |ui| footer(ui, shown));
+    egui::Panel::bottom("footer").frame(frame).show(ui, |ui| footer::show(ui, shown));
     // What is edited has no time yet: that of the old run would mislead.
     if shown.edit.is_none() {
         egui::Panel::bottom("timeline").frame(frame).show(ui, |ui| {
@@ -569,29 +574,6 @@ fn sheet(ui: &egui::Ui, title: &'static str) -> egui::Window<'static> {
 fn menu_with_fields() -> egui::containers::menu::MenuConfig {
     let stays = egui::PopupCloseBehavior::CloseOnClickOutside;
     egui::containers::menu::MenuConfig::new().close_behavior(stays)
-}
-
-fn footer(ui: &mut egui::Ui, shown: &ViewModel<'_>) {
-    let cut = |ui: &mut egui::Ui, text: egui::RichText| ui.add(egui::Label::new(text.small()).truncate());
-    let from_right = egui::Layout::right_to_left(egui::Align::Center);
-    let row = |ui: &mut egui::Ui| {
-        if shown.frames_per_s > 0.0 {
-            // Fixed width, so that its neighbours do not move.
-            let text = format!("{:3.0} fps", shown.frames_per_s);
-            ui.label(egui::RichText::new(text).small().monospace());
-        }
-        // What tells its runs apart; an edited scenario has none yet.
-        if shown.city != CityKind::Elsewhere && shown.edit.is_none() {
-            let tip = "Seed and environment of this run: the same pair repeats it, unless a person drives or other values were set";
-            ui.small(shown.conditions).on_hover_text(tip);
-        }
-        // Where there is little room, the keys are cut and the rest is left out.
-        ui.with_layout(egui::Layout::left_to_right(egui::Align::Center), |ui| {
-            cut(ui, help::reminder(&commands::key_map::of(ui.ctx()), shown).into());
-            ui.with_layout(from_right, |ui| cut(ui, egui::RichText::new(shown.footer).weak()));
-        });
-    };
-    ui.horizontal(|ui| ui.with_layout(from_right, row));
 }
 
 /// Size in pixels of a screen rectangle, at least 1 by 1.

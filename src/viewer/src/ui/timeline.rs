@@ -179,6 +179,16 @@ impl TimelineRange {
 
 /// A window narrower than this has only some of the controls of a run that goes on, points.
 const NARROW: f32 = 1000.0;
+/// In a narrower one, "Backward" and "Until ..." give way to the counts of collisions, points.
+const TINY: f32 = 720.0;
+
+/// Room of the row of a run that goes on.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+enum RowRoom {
+    Tiny,
+    Narrow,
+    Wide,
+}
 
 /// The panel below the city.
 pub(super) fn show(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>, actions: &mut Vec<UiAction>) {
@@ -191,11 +201,16 @@ pub(super) fn show(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>, acti
     ui.horizontal_wrapped(|ui| {
         ui.spacing_mut().item_spacing.x = 5.0;
         // One row for a run that goes on: what it needs least gives way.
-        let is_narrow = replay.shown != ShownTime::Recorded && ui.available_width() < NARROW;
-        transport(ui, (replay, shown.step_s), (is_narrow, refusal(state)), actions);
-        if is_narrow {
+        let room = match ui.available_width() {
+            _ if replay.shown == ShownTime::Recorded => RowRoom::Wide,
+            ..TINY => RowRoom::Tiny,
+            ..NARROW => RowRoom::Narrow,
+            _ => RowRoom::Wide,
+        };
+        transport(ui, (replay, shown.step_s), (room, refusal(state)), actions);
+        if room < RowRoom::Wide {
             events::list_button(ui, state, shown);
-            overflow(ui, state, (shown, replay), actions);
+            overflow(ui, state, (shown, replay), room, actions);
         } else {
             ui.separator();
             event_buttons(ui, state, (shown, replay), actions);
@@ -212,7 +227,9 @@ pub(super) fn show(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>, acti
         troubles(ui, replay);
         video::button(ui, state, shown, actions);
         if replay.shown != ShownTime::Recorded {
-            run_until::button(ui, state, shown, actions);
+            if room > RowRoom::Tiny {
+                run_until::button(ui, state, shown, actions);
+            }
             events::live(ui, state, shown, actions);
         } else {
             events::grave_counts(ui, state, (shown, replay), actions);
@@ -231,23 +248,39 @@ fn overflow(
     ui: &mut Ui,
     state: &mut UiState,
     (shown, replay): (&ViewModel<'_>, &TimelineView<'_>),
+    room: RowRoom,
     actions: &mut Vec<UiAction>,
 ) {
     let button = MenuButton::new("More \u{23f7}").config(super::menu_with_fields());
     let (button, _) = button.ui(ui, |ui| {
         ui.set_min_width(OVERFLOW);
         ui.visuals_mut().widgets.inactive = ui.ctx().global_style().visuals.widgets.inactive;
-        ui.horizontal(|ui| transport(ui, (replay, shown.step_s), (false, refusal(state)), actions));
+        ui.horizontal(|ui| transport(ui, (replay, shown.step_s), (RowRoom::Wide, refusal(state)), actions));
         ui.horizontal(|ui| {
             event_buttons(ui, state, (shown, replay), actions);
             ui.add_enabled_ui(replay.is_played(), |ui| speed(ui, replay, actions));
         });
-        ui.horizontal(|ui| clock(ui, shown, replay));
+        ui.horizontal(|ui| {
+            clock(ui, shown, replay);
+            if room == RowRoom::Tiny {
+                run_until::button(ui, state, shown, actions);
+            }
+        });
         ui.horizontal(|ui| events::live(ui, state, shown, actions));
     });
     let tip =
         "What has no room in a narrow window: steps, neighbouring events, speed and time of the playback";
     button.on_hover_text(tip);
+}
+
+/// In a narrower view the sign of the past has no room for the time of the present, points.
+const WIDE_SIGN: f32 = 330.0;
+
+fn back(ui: &mut Ui, actions: &mut Vec<UiAction>) {
+    let tip = commands::TO_END.tip(ui.ctx(), "Back to the present");
+    if ui.button("Live").on_hover_text(tip).clicked() {
+        actions.push(UiAction::PlaybackCommand(PlaybackCommand::Live));
+    }
 }
 
 /// Says over the city that its past is shown, and leads back.
@@ -268,15 +301,17 @@ pub(super) fn past_sign(ui: &Ui, rect: Rect, shown: &ViewModel<'_>, actions: &mu
                     let decimal = theme::decimal(ui.ctx());
                     let past = format!("Past: {} s", decimal.fixed(head.at_s, 2));
                     ui.label(RichText::new(past).strong().color(amber));
+                    // The bar above says it, too.
+                    if rect.width() < WIDE_SIGN {
+                        back(ui, actions);
+                        return;
+                    }
                     let drives = match shown.run_state.phase {
                         RunPhase::Running => "the city drives on at",
                         _ => "the city is at",
                     };
                     ui.label(format!("{drives} {} s", decimal.fixed(head.to_s, 1)));
-                    let tip = commands::TO_END.tip(ui.ctx(), "Back to the present");
-                    if ui.button("Live").on_hover_text(tip).clicked() {
-                        actions.push(UiAction::PlaybackCommand(PlaybackCommand::Live));
-                    }
+                    back(ui, actions);
                 });
             });
         });
@@ -300,7 +335,7 @@ fn step_words(way: &str, head: &Playhead, step_s: f64) -> String {
 fn transport(
     ui: &mut Ui,
     (replay, step_s): (&TimelineView<'_>, f64),
-    (is_narrow, refusal): (bool, Option<String>),
+    (room, refusal): (RowRoom, Option<String>),
     actions: &mut Vec<UiAction>,
 ) {
     let head = &replay.head;
@@ -310,7 +345,13 @@ fn transport(
         // Play and Pause have the same width.
         let least = if text.contains(' ') { 68.0 } else { 0.0 };
         let button = Button::new(text).selected(is_on).min_size(Vec2::new(least, 0.0));
-        if is_narrow && matches!(command, PlaybackCommand::Step { .. }) {
+        let is_needed = match command {
+            PlaybackCommand::Step { .. } => room == RowRoom::Wide,
+            // One that plays backward is stopped here.
+            PlaybackCommand::Reverse => room > RowRoom::Tiny,
+            _ => true,
+        };
+        if !is_needed {
             return;
         }
         // Beyond the present there is nothing to play.

@@ -1,5 +1,10 @@
 //! The table of all vehicles.
 
+mod columns;
+
+pub use columns::{least_width, usual_width};
+
+use self::columns::{SPACING, TableColumns, scrollbar};
 use super::commands::key_map;
 use super::vehicle_menu::{MenuSubject, VehicleMenu};
 use super::{DecimalSeparator, DriverNames, Selection, SpeedUnit, UiState, ViewModel, status, theme};
@@ -187,66 +192,6 @@ pub fn height_of(rows: usize) -> f32 {
 
 /// Room for the number of rows, points.
 const COUNT_WIDTH: f32 = 88.0;
-/// Column widths of usual texts, points.
-const WIDTHS: [f32; 7] = [40.0, 52.0, 54.0, 76.0, 47.0, 47.0, 50.0];
-/// Weights by which columns share the remaining width.
-const SHARES: [f32; 7] = [0.0, 3.0, 2.0, 1.0, 1.0, 1.0, 1.0];
-
-/// Columns that every table has room for where the window is not tiny: number, status, position and speed.
-const KEPT: [usize; 5] = [0, 3, 4, 5, 6];
-/// In a narrower window the city needs the room of the names, points.
-const NAMES_FROM: f32 = 820.0;
-/// Place of the names among the columns, and their least width, points: enough to tell names apart.
-const NAME: usize = 1;
-const LEAST_NAME: f32 = 34.0;
-/// Columns of a table as wide as it is at first: the driver is in the tip.
-const USUAL: [usize; 6] = [0, 1, 3, 4, 5, 6];
-/// Between columns, points.
-const SPACING: f32 = 5.0;
-
-/// Width of a panel in which the columns for number, status, position and speed find room, and where the window is not small
-/// names, points.
-pub fn least_width(ui: &Ui, window: f32) -> f32 {
-    if window < NAMES_FROM { width_of(ui, &KEPT) } else { width_of(ui, &USUAL) }
-}
-
-/// Usual width in a window of some width: names find room, and in a wide window the drivers too, points.
-pub fn usual_width(ui: &Ui, window: f32) -> f32 {
-    const SHARE: f32 = 0.28;
-    let all: Vec<usize> = (0..WIDTHS.len()).collect();
-    (SHARE * window).min(width_of(ui, &all)).max(width_of(ui, &USUAL))
-}
-
-fn width_of(ui: &Ui, columns: &[usize]) -> f32 {
-    /// For edges that egui rounds to pixels.
-    const SLACK: f32 = 4.0;
-    let columns: f32 = columns.iter().map(|&k| WIDTHS[k] + SPACING).sum();
-    SLACK + columns + scrollbar(ui) + egui::Frame::side_top_panel(ui.style()).total_margin().sum().x
-}
-
-fn scrollbar(ui: &Ui) -> f32 {
-    ui.spacing().scroll.bar_width + ui.spacing().scroll.bar_inner_margin
-}
-
-/// The columns that fit, as indices into [`SortKey::COLUMNS`]. Driver and name are dropped first: label and tooltip
-/// show them too.
-fn columns(width: f32) -> Vec<usize> {
-    let needed = |columns: &[usize]| columns.iter().map(|&k| least(columns, k) + SPACING).sum::<f32>();
-    let mut columns: Vec<usize> = (0..WIDTHS.len()).collect();
-    for dropped in [&[2][..], &[1], &[4, 5]] {
-        if needed(&columns) > width {
-            columns.retain(|k| !dropped.contains(k));
-        }
-    }
-    columns
-}
-
-/// Least width of one of some columns, points: names give way once drivers have.
-fn least(columns: &[usize], column: usize) -> f32 {
-    const DRIVER: usize = 2;
-    if column == NAME && !columns.contains(&DRIVER) { LEAST_NAME } else { WIDTHS[column] }
-}
-
 /// Shows the table. A click selects, a double click follows. While the vehicles move, the row order changes once a
 /// second.
 pub fn show(ui: &mut Ui, shown: &ViewModel<'_>, state: &mut UiState) {
@@ -335,11 +280,7 @@ fn grid(
     ui.style_mut().interaction.selectable_labels = false;
     ui.spacing_mut().item_spacing.x = SPACING;
     let width = ui.available_width() - scrollbar(ui);
-    let columns = columns(width);
-    let needed: f32 = columns.iter().map(|&k| WIDTHS[k] + SPACING).sum();
-    let shares: f32 = columns.iter().map(|&k| SHARES[k]).sum();
-    let share = ((width - needed) / shares).max(0.0);
-    let missing = (needed - width).clamp(0.0, WIDTHS[NAME] - LEAST_NAME);
+    let columns = TableColumns::fitting(width);
     let gap = ui.spacing().item_spacing.y;
     let line = ROW_HEIGHT + gap;
     // Whole rows: half a one at the edge looks as if the timeline covered it.
@@ -353,9 +294,8 @@ fn grid(
         .sense(Sense::CLICK)
         .auto_shrink(false)
         .cell_layout(Layout::left_to_right(Align::Center));
-    for &k in &columns {
-        let narrower = if k == NAME { missing } else { 0.0 };
-        builder = builder.column(Column::exact(WIDTHS[k] + SHARES[k] * share - narrower).clip(true));
+    for (_, width) in &columns.shown {
+        builder = builder.column(Column::exact(*width).clip(true));
     }
     if std::mem::take(&mut table.reveal)
         && let Some(row) = shown.iter().position(|row| Some(row.id) == selection.vehicle)
@@ -364,7 +304,7 @@ fn grid(
     }
     builder
         .header(ROW_HEIGHT, |mut header| {
-            for &k in &columns {
+            for &(k, _) in &columns.shown {
                 let (key, title, tip) = SortKey::COLUMNS[k];
                 let title = if key == SortKey::Speed { units.0.label() } else { title };
                 header.col(|ui| heading(ui, table, key, (title, tip)));
@@ -374,7 +314,9 @@ fn grid(
             body.rows(ROW_HEIGHT, shown.len(), |mut line| {
                 let row = &shown[line.index()];
                 line.set_selected(Some(row.id) == selection.vehicle);
-                columns.iter().for_each(|&k| cell(&mut line, (row, units), SortKey::COLUMNS[k].0));
+                for &(k, _) in &columns.shown {
+                    cell(&mut line, (row, units), (SortKey::COLUMNS[k].0, columns.is_compact));
+                }
                 let response = line.response();
                 if response.clicked() {
                     selection.vehicle = Some(row.id);
@@ -460,8 +402,10 @@ type NumberStyle = (SpeedUnit, LengthScale, DecimalSeparator);
 fn cell(
     line: &mut egui_extras::TableRow<'_, '_>,
     (row, (units, scale, decimal)): (&VehicleRow<'_>, NumberStyle),
-    key: SortKey,
+    (key, is_compact): (SortKey, bool),
 ) {
+    // Where metres alone leave room for the name.
+    let place = |m: f64| if is_compact { decimal.fixed(m.round(), 0) } else { decimal.tenths(m) };
     line.col(|ui| match key {
         SortKey::Id => {
             chip(ui, row.colour, row.is_physical);
@@ -473,8 +417,8 @@ fn cell(
             let colour = theme::on_panel(ui.ctx(), row.status);
             ui.label(RichText::new(in_table(row.status)).color(colour));
         }
-        SortKey::X => number(ui, decimal.tenths(row.x_m)),
-        SortKey::Y => number(ui, decimal.tenths(row.y_m)),
+        SortKey::X => number(ui, place(row.x_m)),
+        SortKey::Y => number(ui, place(row.y_m)),
         SortKey::Speed => {
             let speed = units.number(row.speed_mps, scale, decimal);
             number(ui, status::speed_words(row.status, speed));
@@ -582,21 +526,16 @@ mod tests {
                 let font = style.resolve(ui.style());
                 let size = ui.painter().layout_no_wrap(text.to_owned(), font, Color32::WHITE).size();
                 let column = SortKey::COLUMNS.iter().position(|(other, ..)| *other == key).unwrap();
-                assert!(size.x <= WIDTHS[column], "{text}: {} of {}", size.x, WIDTHS[column]);
+                assert!(
+                    size.x <= columns::WIDTHS[column],
+                    "{text}: {} of {}",
+                    size.x,
+                    columns::WIDTHS[column]
+                );
                 checked += 1;
             }
         });
         output.textures_delta.clear();
         assert!(checked >= wide.len());
-    }
-
-    #[test]
-    fn a_narrow_table_drops_what_matters_least() {
-        assert_eq!(columns(402.0), [0, 1, 2, 3, 4, 5, 6]);
-        assert_eq!(columns(343.0), USUAL);
-        assert_eq!(columns(331.0), USUAL, "names are cut short, not left out");
-        assert_eq!(columns(320.0), KEPT);
-        assert_eq!(columns(288.0), KEPT);
-        assert_eq!(columns(160.0), [0, 3, 6]);
     }
 }

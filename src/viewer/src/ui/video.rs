@@ -38,6 +38,8 @@ pub struct VideoRequest {
     pub subject: VideoSubject,
     /// How it is recorded.
     pub kind: VideoKind,
+    /// When it ends by itself, seconds of video; `None` where the user ends it.
+    pub lasts_s: Option<f64>,
 }
 
 /// How a video is recorded.
@@ -65,6 +67,8 @@ pub struct VideoStatus {
 
 /// Least and largest time between two pictures of a time-lapse, simulated seconds.
 const LAPSE_S: std::ops::RangeInclusive<f64> = 0.1..=3600.0;
+/// Least and largest length of a video that ends by itself, seconds.
+const LENGTH_S: std::ops::RangeInclusive<f64> = 1.0..=3600.0;
 /// Width of the button, so that its neighbours do not move while the length grows. While a video is recorded it has the room of its
 /// menu, too.
 const WIDTH: f32 = 66.0;
@@ -83,7 +87,8 @@ pub(super) fn button(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>, ac
         Some(_) => ui.data(|data| data.get_temp::<f32>(both)).unwrap_or(WIDTH),
         None => WIDTH,
     };
-    let request = |kind| VideoRequest { subject: state.video_subject, kind };
+    let subject = state.video_subject;
+    let request = |kind, lasts_s| VideoRequest { subject, kind, lasts_s };
     let tip = match shown.video.map(|video| (video, video.request.kind)) {
         None if state.video_subject == VideoSubject::City => {
             VIDEO.tip(ui.ctx(), "Record the city without panels as a video")
@@ -102,8 +107,10 @@ pub(super) fn button(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>, ac
         }
     };
     let button = ui.add(Button::new(text).min_size(Vec2::new(width, 0.0))).on_hover_text(tip);
-    if button.clicked() {
-        actions.push(UiAction::Video(request(VideoKind::AsSeen)));
+    let has_lasted =
+        |video: VideoStatus| video.request.lasts_s.is_some_and(|lasts_s| video.length_s >= lasts_s);
+    if button.clicked() || shown.video.is_some_and(has_lasted) {
+        actions.push(UiAction::Video(request(VideoKind::AsSeen, None)));
     }
     if shown.video.is_some() {
         return;
@@ -114,6 +121,17 @@ pub(super) fn button(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>, ac
         }
         ui.separator();
         ui.horizontal(|ui| {
+            ui.visuals_mut().widgets.inactive = ui.ctx().global_style().visuals.widgets.inactive;
+            let is_chosen = ui.button("Record").on_hover_text("A video that ends by itself").clicked();
+            ui.add(theme::number_field(&mut state.video_lasts_s).range(LENGTH_S).speed(0.1).suffix(" s"));
+            if is_chosen {
+                let lasts_s = Some(state.video_lasts_s);
+                let kind = VideoKind::AsSeen;
+                actions.push(UiAction::Video(VideoRequest { subject: state.video_subject, kind, lasts_s }));
+                ui.close();
+            }
+        });
+        ui.horizontal(|ui| {
             // Menus show buttons and fields as texts, and this row has both.
             ui.visuals_mut().widgets.inactive = ui.ctx().global_style().visuals.widgets.inactive;
             let is_chosen = ui.button("Time-lapse").clicked();
@@ -121,7 +139,8 @@ pub(super) fn button(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>, ac
             ui.add(theme::number_field(&mut state.lapse_s).range(LAPSE_S).speed(0.1).suffix(" s"));
             if is_chosen {
                 let kind = VideoKind::TimeLapse { every_s: state.lapse_s };
-                actions.push(UiAction::Video(VideoRequest { subject: state.video_subject, kind }));
+                let subject = state.video_subject;
+                actions.push(UiAction::Video(VideoRequest { subject, kind, lasts_s: None }));
                 ui.close();
             }
         });
@@ -133,7 +152,7 @@ pub(super) fn button(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>, ac
     });
     ui.data_mut(|data| data.insert_temp(both, menu.rect.right() - button.rect.left()));
     menu.on_hover_text(
-        "What a video shows; a time-lapse: one picture each so many simulated seconds; a screenshot",
+        "What a video shows and how long it is; a time-lapse: one picture each so many simulated seconds; a screenshot",
     );
 }
 

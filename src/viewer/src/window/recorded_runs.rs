@@ -2,6 +2,7 @@
 
 use crate::ui::runs::{RunEntry, has_run};
 use city3d_logbook::measures::RunMeasures;
+use city3d_simulation::scenario::counted;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, SystemTime};
 
@@ -21,8 +22,11 @@ pub fn recorded_runs<'a>(folders: impl Iterator<Item = &'a Path>, now: SystemTim
     let entry = |(written, folder): (SystemTime, PathBuf)| {
         let since = now.duration_since(written).unwrap_or_default();
         let of = RunFolder::of(&folder);
+        let measures = RunMeasures::read(&folder).ok();
+        let conditions = measures.as_ref().map(|of| conditions_of(of.seed, &of.environment));
         RunEntry {
-            name: of.name(conditions(&folder)),
+            name: of.name(conditions),
+            outcome: measures.map_or_else(String::new, |of| outcome(&of)),
             began: of.began(since, after_first(&folder)),
             age: age(since),
             has_summary: folder.join(SUMMARY).is_file(),
@@ -34,12 +38,16 @@ pub fn recorded_runs<'a>(folders: impl Iterator<Item = &'a Path>, now: SystemTim
 
 const SUMMARY: &str = "summary.json";
 
-/// Seed and environment that the summary of a run states, in few words: the lists are narrow.
-fn conditions(folder: &Path) -> Option<String> {
-    let RunMeasures { seed, environment, .. } = RunMeasures::read(folder).ok()?;
-    Some(conditions_of(seed, &environment))
+/// Length and collisions of a run, in few words: the lists are narrow.
+fn outcome(of: &RunMeasures) -> String {
+    let length = format!("{:.0} s", of.simulated_s);
+    match of.collisions {
+        0 => length,
+        count => format!("{length}, {}", counted(count as usize, "collision")),
+    }
 }
 
+/// Seed and environment of a run.
 fn conditions_of(seed: u64, environment: &str) -> String {
     match environment {
         "" => format!("seed {seed}"),
@@ -139,7 +147,7 @@ fn age(age: Duration) -> String {
 mod tests {
     use super::*;
 
-    const SUMMARY_OF_SEED_7: &str = r#"{"scenario": "merge", "seed": 7, "environment": "testbed", "simulated_s": 40.0, "collisions": 0,
+    const SUMMARY_OF_SEED_7: &str = r#"{"scenario": "merge", "seed": 7, "environment": "testbed", "simulated_s": 40.0, "collisions": 2,
         "mean_speed_mps": 7.0, "vehicles": {}}"#;
 
     #[test]
@@ -173,6 +181,10 @@ mod tests {
             "a later run of that window"
         );
         assert!(runs.iter().all(|run| run.age == "saved 2 hours ago"), "{runs:?}");
+        assert_eq!(
+            runs.iter().map(|run| run.outcome.as_str()).collect::<Vec<_>>(),
+            ["40 s, 2 collisions", "", ""]
+        );
     }
 
     #[test]

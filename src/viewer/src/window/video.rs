@@ -303,7 +303,7 @@ mod tests {
     }
 
     fn window(kind: VideoKind) -> VideoRequest {
-        VideoRequest { subject: VideoSubject::Window, kind }
+        VideoRequest { subject: VideoSubject::Window, kind, lasts_s: None }
     }
 
     /// The luma of the first pixel of each frame, and the size in the header.

@@ -60,7 +60,11 @@ pub fn desks() -> [Desk; 6] {
 
 /// A time-lapse that is being recorded.
 fn time_lapse() -> VideoStatus {
-    let request = VideoRequest { subject: VideoSubject::Window, kind: VideoKind::TimeLapse { every_s: 1.0 } };
+    let request = VideoRequest {
+        subject: VideoSubject::Window,
+        kind: VideoKind::TimeLapse { every_s: 1.0 },
+        lasts_s: None,
+    };
     VideoStatus { request, length_s: 1.0, spanned_s: 24.0 }
 }
 
@@ -411,7 +415,7 @@ fn a_time_lapse_is_begun_and_ended_by_the_palette() {
     for words in ["time-lapse", "timelapse", "lapse"] {
         assert_eq!(chosen(words, None), std::slice::from_ref(&lapse), "{words}");
     }
-    let end = VideoRequest { subject: VideoSubject::Window, kind: VideoKind::AsSeen };
+    let end = VideoRequest { subject: VideoSubject::Window, kind: VideoKind::AsSeen, lasts_s: None };
     for words in ["time-lapse", "timelapse", "lapse", "stop recording", "end video"] {
         assert_eq!(chosen(words, Some(time_lapse())), [UiAction::Video(end)], "{words}");
     }

@@ -91,17 +91,28 @@ fn the_card_waits_while_the_mouse_moves_in_what_it_would_cover() {
     let mut desk = finished();
     desk.run_state.phase = RunPhase::Running;
     let mut harness = harness(desk);
+    // It has to cover a part of the table here.
+    harness.set_size(egui::vec2(853.0, 480.0));
     press(&mut harness, Key::F3);
-    harness.hover_at(egui::pos2(150.0, 560.0));
-    harness.run_steps(1);
+    harness.state_mut().run_state.phase = RunPhase::Over;
+    harness.hover_at(egui::pos2(850.0, 10.0));
+    harness.run_steps(60);
+    let table = harness.get_by_label_contains("Filter by name").rect().expand(400.0).with_max_x(360.0);
+    let card = harness.get_by_label("Run finished").rect().union(harness.get_by_label("Replay").rect());
+    let covered = card.intersect(table);
+    assert!(covered.width() > 20.0, "{card:?}");
+    harness.state_mut().run_state.phase = RunPhase::Running;
+    harness.state_mut().run_state.run = 3;
+    harness.hover_at(covered.center());
+    harness.run_steps(2);
     harness.state_mut().run_state.phase = RunPhase::Over;
     harness.run_steps(2);
     assert!(harness.query_by_label("Replay").is_none());
     harness.run_steps(12);
     harness.get_by_label("Replay");
     // Where the mouse is in the city it comes at once.
-    harness.state_mut().run_state.run = 2;
-    harness.hover_at(egui::pos2(700.0, 300.0));
+    harness.state_mut().run_state.run = 4;
+    harness.hover_at(egui::pos2(500.0, 300.0));
     harness.run_steps(2);
     harness.get_by_label("Replay");
 }

@@ -1,10 +1,10 @@
 //! What has to be read: sizes of texts, nothing over them, nothing that vanishes without a word.
 
-use super::city::{has_text, place, texts};
+use super::city::{has_text, on_screen, place, texts};
 use super::desk::{Desk, click, fleet, harness, press, with};
 use super::end_card::finished;
 use city3d_logbook::measures::RunMeasures;
-use city3d_protocol::snapshot::VehicleId;
+use city3d_protocol::snapshot::{Status, VehicleId};
 use city3d_simulation::environment::EnvironmentProfile;
 use city3d_viewer::ui::runs::{ComparedRuns, FilePurpose, RunAgain};
 use city3d_viewer::ui::{Theme, UiAction};
@@ -70,7 +70,7 @@ fn the_scroll_bar_of_a_comparison_covers_no_number() {
     let names = ["this run".to_owned(), "another".to_owned()];
     harness.state_mut().state.runs.comparison.show(ComparedRuns { names, pairs, note: None });
     harness.run_steps(4);
-    let header = painted(&harness).into_iter().find(|(text, ..)| text == "B - A").expect("it has a heading");
+    let header = painted(&harness).into_iter().find(|(text, ..)| text == "A - B").expect("it has a heading");
     let window = harness.get_by_label("Compare runs").rect();
     // The bar is as wide as this when the mouse is over it.
     let free = window.right() - 9.0;
@@ -122,6 +122,29 @@ fn the_pedals_of_both_previews_are_in_sight_in_a_small_window() {
     harness.run_steps(4);
     assert!(harness.query_by_label(words).is_none());
     assert_eq!(harness.query_all_by_label_contains("Lateral error").count(), 2);
+}
+
+#[test]
+fn a_message_does_not_cover_who_has_collided() {
+    let mut desk = Desk::with(fleet(1));
+    desk.change(|now| now.vehicles[0].status = Status::Collided);
+    let mut harness = harness(desk);
+    harness.run_steps(4);
+    let (mut is_at_top, mut is_at_bottom) = (false, false);
+    for k in 0..30 {
+        harness.state_mut().change(|now| now.vehicles[0].position.y = 60.0 - 6.0 * f64::from(k));
+        let now_s = harness.ctx.input(|input| input.time);
+        harness.state_mut().state.say("A collision of a vehicle", now_s);
+        harness.run_steps(3);
+        let said = painted(&harness).into_iter().find(|(text, ..)| text == "A collision of a vehicle");
+        let said = said.expect("it is shown").2.expand(8.0);
+        let city = place(&harness);
+        let at = on_screen(&harness, 0);
+        assert!(at.is_none_or(|at| !said.contains(at)), "{said:?} over {at:?}");
+        is_at_top |= said.center().y < city.center().y;
+        is_at_bottom |= said.center().y > city.center().y;
+    }
+    assert!(is_at_top && is_at_bottom, "it gives way where it has to");
 }
 
 #[test]

@@ -1,6 +1,6 @@
 //! The timeline under a run that goes on: looking back, coming back, what is grave, goals of a run, and videos.
 
-use super::city::has_text;
+use super::city::{has_text, texts};
 use super::desk::{Desk, click, fleet, harness, present, press};
 use city3d_protocol::snapshot::{EventKind, VehicleId};
 use city3d_session::playback::{MarkKind, Occurrence, PlaybackCommand, Playhead, TimelineMark};
@@ -368,7 +368,7 @@ fn a_video_begins_and_ends_by_a_key_or_a_button_and_says_how_long_it_is() {
 }
 
 fn window(kind: VideoKind) -> VideoRequest {
-    VideoRequest { subject: VideoSubject::Window, kind }
+    VideoRequest { subject: VideoSubject::Window, kind, lasts_s: None }
 }
 
 #[test]
@@ -378,11 +378,41 @@ fn a_video_shows_the_window_or_the_city_alone() {
     click(&mut harness, "City alone");
     press(&mut harness, Key::Escape);
     press(&mut harness, Key::F9);
-    let city = VideoRequest { subject: VideoSubject::City, kind: VideoKind::AsSeen };
+    let city = VideoRequest { subject: VideoSubject::City, kind: VideoKind::AsSeen, lasts_s: None };
     assert_eq!(take_actions(&mut harness), [UiAction::Video(city)]);
     // The size of the picture alone: the panels take the rest of 1280 by 720.
     let [width, height] = harness.state().state.city_pixels;
     assert!((300..1280).contains(&width) && (200..720).contains(&height), "{width} x {height}");
+}
+
+#[test]
+fn a_video_of_some_length_ends_by_itself() {
+    let mut harness = live();
+    click(&mut harness, "\u{23f7}");
+    click(&mut harness, "Record");
+    let ten = VideoRequest { lasts_s: Some(10.0), ..window(VideoKind::AsSeen) };
+    assert_eq!(take_actions(&mut harness), [UiAction::Video(ten)]);
+    let at = |length_s| Some(VideoStatus { request: ten, length_s, spanned_s: length_s });
+    harness.state_mut().video = at(9.9);
+    harness.run_steps(2);
+    assert_eq!(take_actions(&mut harness), []);
+    harness.state_mut().video = at(10.0);
+    harness.run_steps(1);
+    assert!(take_actions(&mut harness).contains(&UiAction::Video(window(VideoKind::AsSeen))));
+}
+
+#[test]
+fn at_twice_the_size_times_and_collisions_stay_in_sight() {
+    let mut harness = live();
+    harness.set_size(egui::vec2(640.0, 360.0));
+    harness.run_steps(4);
+    let there = harness.get_by_label("1 collision").rect();
+    assert!(there.right() < 640.0, "{there:?}");
+    assert!(texts(&harness).iter().any(|text| text == "0.5"), "{:?}", texts(&harness));
+    // What gives way to it is in the menu.
+    assert!(harness.query_by_label_contains("Until ...").is_none());
+    click(&mut harness, "More \u{23f7}");
+    harness.get_by_label_contains("Until ...");
 }
 
 #[test]

@@ -67,7 +67,11 @@ fn number_fields_take_a_point_and_a_comma() {
     for (typed, seconds) in [("2,5", 2.5), ("7.25", 7.25)] {
         let mut harness = harness(Desk::with(fleet(2)));
         click(&mut harness, "\u{23f7}");
-        harness.get_by_role(egui::accesskit::Role::SpinButton).click();
+        harness
+            .get_all_by_role(egui::accesskit::Role::SpinButton)
+            .last()
+            .expect("that of the time-lapse")
+            .click();
         harness.run_steps(3);
         harness.key_press_modifiers(egui::Modifiers::COMMAND, Key::A);
         harness.event(egui::Event::Text(typed.to_owned()));

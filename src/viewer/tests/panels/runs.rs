@@ -268,6 +268,7 @@ pub fn entry(folder: &str, name: &str) -> RunEntry {
     RunEntry {
         folder: folder.into(),
         name: name.to_owned(),
+        outcome: "40 s, 1 collision".to_owned(),
         began: "13:15".to_owned(),
         age,
         has_summary: true,
@@ -305,7 +306,7 @@ fn two_runs_are_compared_measure_by_measure() {
     let mut harness = harness(desk);
     click(&mut harness, "Compare with ...");
     assert!(harness.query_by_label_contains("its own run").is_none());
-    click(&mut harness, "straight, run 1   13:15   2 hours ago");
+    click(&mut harness, "straight, run 1   40 s, 1 collision   13:15   2 hours ago");
     let other = UiAction::CompareWith("/runs/straight-2/run-1".into());
     assert_eq!(harness.state().actions, [other]);
     let present = RunMeasures::of(&outcome());
@@ -317,7 +318,7 @@ fn two_runs_are_compared_measure_by_measure() {
     harness.run_steps(3);
     harness.get_by_label("A  this run");
     let row = harness.get_by_label("collisions").rect().center().y;
-    for text in ["1", "5", "+4"] {
+    for text in ["1", "5", "-4"] {
         let mut cells = harness.get_all_by_label(text);
         assert!(cells.any(|cell| (cell.rect().center().y - row).abs() < 3.0), "{text}");
     }
@@ -371,14 +372,14 @@ fn two_runs_are_compared_in_the_units_of_the_settings_and_by_their_curves() {
     desk.state.runs.comparison.show(ComparedRuns { names, pairs, note: None });
     let mut harness = harness(desk);
     harness.get_by_label("mean speed, m/s");
-    harness.get_by_label("+1,5");
+    harness.get_by_label("-1,5");
     harness.state_mut().state.preferences.units = SpeedUnit::LabMetrePerSecond;
     harness.run_steps(2);
     harness.get_by_label("mean speed, m/s lab");
-    harness.get_by_label("+0,060");
+    harness.get_by_label("-0,060");
     harness.state_mut().state.preferences.units = SpeedUnit::KmPerHour;
     harness.run_steps(2);
-    harness.get_by_label("+5,4");
+    harness.get_by_label("-5,4");
     assert_eq!(harness.state().state.runs.comparison.shown_curves(), None);
     click(&mut harness, "Curves");
     harness.get_by_label("Both runs are being read ...");

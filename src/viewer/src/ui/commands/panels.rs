@@ -169,7 +169,11 @@ pub static VIEWS: [&Command; 2] = [&SECOND_VIEW, &THIRD_VIEW];
 pub static MENU: [&Command; 7] = [&VEHICLES, &CAMERAS, &EVENTS, &TRAFFIC, &CHARTS, &INSPECTOR, &LAYERS];
 
 fn video(context: &mut CommandContext<'_, '_>, kind: VideoKind) {
-    context.actions.push(UiAction::Video(VideoRequest { subject: context.state.video_subject, kind }));
+    context.actions.push(UiAction::Video(VideoRequest {
+        subject: context.state.video_subject,
+        kind,
+        lasts_s: None,
+    }));
 }
 
 fn view(context: &mut CommandContext<'_, '_>, index: usize) {

@@ -57,8 +57,6 @@ impl Default for Layout {
 const RIGHT: f32 = 284.0;
 /// A mouse that has not moved for so long uses nothing, seconds.
 const IN_USE_S: f32 = 2.0;
-/// Share of the view that is its middle.
-const MIDDLE: f32 = 0.4;
 /// In a narrower bar two titles find room beside a sign alone, points.
 const NARROW_TABS: f32 = 240.0;
 /// Height of the bar with the titles, points.
@@ -159,8 +157,8 @@ impl Layout {
         tiles.filter(|tile| !self.tree.is_visible(*tile)).map(|tile| tile.0).collect()
     }
 
-    /// Where a window that opens by itself hides the least: neither the middle of the view nor the vehicle that the user looks
-    /// at, and no panel over the city.
+    /// Where a window that opens by itself hides the least: neither the vehicle that the user looks at, nor the table, nor a
+    /// panel over the city.
     pub(super) fn place_beside(
         ui: &Ui,
         size: Vec2,
@@ -168,14 +166,13 @@ impl Layout {
     ) -> egui::Pos2 {
         let window = ui.ctx().content_rect();
         let city = state.layout.city().unwrap_or(window);
-        let middle = Rect::from_center_size(city.center(), city.size() * MIDDLE);
-        let vehicle = super::city::watched(state, shown, city).map_or(middle, |seen| seen.union(middle));
+        let vehicle = super::city::watched(state, shown, city);
         let rects = |panel: &Panel| ui.ctx().memory(|memory| memory.area_rect(window_of(*panel)));
         let taken: Vec<Rect> = state.layout.lifted.iter().filter_map(rects).collect();
         let room = Rect::from_x_y_ranges(window.x_range(), city.y_range()).shrink(8.0);
         let mut kept = state.layout.kept(shown, state.viewpoint.follow.is_some());
         kept.extend(state.layout.opened.and_then(|tile| state.layout.shown_rect(tile)));
-        FloatingPlaces { city, room, vehicle: Some(vehicle), kept }.free((None, size), &taken)
+        FloatingPlaces { city, room, vehicle, kept }.free((None, size), &taken)
     }
 
     /// Whether a docked panel opens beneath a window at a place.
@@ -364,7 +361,7 @@ impl Behavior<Panel> for Dock<'_, '_> {
     }
 
     fn min_size(&self) -> f32 {
-        sizes::LEAST
+        sizes::LEAST_OF_ANY
     }
 
     fn simplification_options(&self) -> SimplificationOptions {

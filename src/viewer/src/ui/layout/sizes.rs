@@ -5,8 +5,10 @@ use crate::ui::vehicles;
 use egui::{Ui, Vec2};
 use egui_tiles::{Container, Linear, LinearDir, Tile, TileId};
 
-/// Least extent of a tile, points.
-pub(super) const LEAST: f32 = 160.0;
+/// Least extent of a tile beside the city, points.
+const LEAST: f32 = 160.0;
+/// Least extent to which the user may shrink any tile, points: a title, a heading and two rows.
+pub(super) const LEAST_OF_ANY: f32 = 100.0;
 /// Least width of a column with previews, points: pedals and plots of a preview stay legible.
 const LEAST_WITH_PREVIEWS: f32 = 240.0;
 /// Usual and largest extent of a tile beside the city, points.
@@ -15,6 +17,9 @@ const LARGEST: f32 = 640.0;
 /// Largest fraction of the room for a tile beside the city, and for one with the table.
 const MOST: f32 = 0.333;
 const MOST_WITH_TABLE: f32 = 0.36;
+/// In a low room a third is too little for a chart, points.
+const LOW_ROOM: f32 = 480.0;
+const MOST_IN_LOW_ROOM: f32 = 0.5;
 /// Of a third of the room, what the table leaves the city.
 const LEAST_BESIDE_TABLE: f32 = 0.9;
 /// Usual fraction for views beside or below the first one.
@@ -28,7 +33,9 @@ impl Layout {
         for (tile, city) in self.around_city() {
             let Some((dir, beside)) = self.beside(tile, city) else { continue };
             let extent = if dir == LinearDir::Horizontal { &mut room.x } else { &mut room.y };
-            let third = (*extent * MOST).clamp(0.0, LARGEST);
+            let is_low = dir == LinearDir::Vertical && *extent < LOW_ROOM;
+            let most = if is_low { MOST_IN_LOW_ROOM } else { MOST };
+            let third = (*extent * most).clamp(0.0, LARGEST);
             let mut left = *extent;
             let least: Vec<f32> = beside.iter().map(|child| self.least((dir, *extent), *child)).collect();
             for (place, child) in beside.iter().enumerate() {

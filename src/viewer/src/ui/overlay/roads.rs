@@ -131,7 +131,9 @@ fn routes(overlay: &mut Overlay, state: &UiState, shown: &ViewModel<'_>) {
     let adds_obstacle = shown.edit.is_some() && state.editing.tool == EditTool::AddObstacle;
     let of_all = state.layers.all_routes || adds_obstacle;
     if of_all {
-        all_routes(overlay, selected, shown);
+        // Where an obstacle is put in the way, ways are what one looks for.
+        let style = if adds_obstacle { (3.5, 0.85) } else { (1.6, 0.55) };
+        all_routes(overlay, selected, shown, style);
     }
     if let Some(id) = selected.filter(|_| state.layers.routes || of_all || shown.edit.is_some()) {
         route(overlay, shown, id, (6.0, paint(Color32::WHITE, 0.8)));
@@ -140,8 +142,13 @@ fn routes(overlay: &mut Overlay, state: &UiState, shown: &ViewModel<'_>) {
 }
 
 /// Routes of all vehicles but one, lane by lane: a few thin ones beside one another in the colours of the bodies, so that
-/// none hides another; many as one line.
-fn all_routes(overlay: &mut Overlay, but: Option<VehicleId>, shown: &ViewModel<'_>) {
+/// none hides another, of some width and opacity; many as one line.
+fn all_routes(
+    overlay: &mut Overlay,
+    but: Option<VehicleId>,
+    shown: &ViewModel<'_>,
+    (width, opacity): (f32, f32),
+) {
     for (lane, vehicles) in routes_on_lanes(but, shown) {
         let count = vehicles.len();
         if count > ROUTES_APART {
@@ -152,7 +159,7 @@ fn all_routes(overlay: &mut Overlay, but: Option<VehicleId>, shown: &ViewModel<'
         for (place, id) in vehicles.into_iter().enumerate() {
             let left_m = (place as f64 - (count - 1) as f64 / 2.0) * ROUTE_SPACING_M;
             let points = line(shown.map, lane, whole(shown.map, lane), left_m);
-            overlay.polyline(&points, 1.6, paint(body_colour(shown, id), 0.55));
+            overlay.polyline(&points, width, paint(body_colour(shown, id), opacity));
         }
     }
 }

@@ -8,7 +8,7 @@ use city3d_logbook::figures::Quantity;
 use city3d_logbook::figures::chart::Figure;
 use city3d_logbook::measures::{MeasurePair, MeasureUnit};
 use city3d_protocol::snapshot::VehicleId;
-use egui::{Align, ComboBox, Layout, RichText, ScrollArea, Ui};
+use egui::{Align, ComboBox, Layout, Response, RichText, ScrollArea, Ui};
 use egui_extras::{Column, TableBuilder};
 use std::path::{Path, PathBuf};
 
@@ -36,7 +36,7 @@ enum ComparisonPage {
 pub struct CurveChoice {
     /// What is drawn over time.
     pub quantity: Quantity,
-    /// The vehicle; `None` for the first that both runs have.
+    /// The vehicle; `None` for the first one.
     pub vehicle: Option<VehicleId>,
 }
 
@@ -45,7 +45,7 @@ pub struct CurveChoice {
 pub struct CurvesView<'a> {
     /// The figure; `None` until both runs are read.
     pub figure: Option<&'a Figure>,
-    /// Vehicles that both runs have, with their names.
+    /// Vehicles with their names: first those that both runs have, then those of one run alone.
     pub vehicles: &'a [(VehicleId, String)],
     /// Why there is no figure.
     pub trouble: Option<&'a str>,
@@ -133,9 +133,8 @@ pub(super) fn window(ui: &Ui, state: &mut UiState, shown: &ViewModel<'_>, action
                 }
                 ComparisonPage::Curves => {
                     // At first that of the vehicle that one looks at.
-                    let is_common =
-                        |id: &VehicleId| shown.runs.curves.vehicles.iter().any(|(of, _)| of == id);
-                    panel.curves.vehicle = panel.curves.vehicle.or(selected.filter(is_common));
+                    let is_there = |id: &VehicleId| shown.runs.curves.vehicles.iter().any(|(of, _)| of == id);
+                    panel.curves.vehicle = panel.curves.vehicle.or(selected.filter(is_there));
                     curves(ui, &mut panel.curves, shown.runs.curves);
                 }
             }
@@ -177,7 +176,10 @@ fn choices(ui: &mut Ui, shown: &ViewModel<'_>, actions: &mut Vec<UiAction>) -> b
     }
     ScrollArea::vertical().auto_shrink(false).show(ui, |ui| {
         for run in runs {
-            let text = format!("{}   {}   {}", run.name, run.began, run.age);
+            let parts = [&run.name, &run.outcome, &run.began, &run.age];
+            let parts: Vec<&str> =
+                parts.into_iter().map(String::as_str).filter(|part| !part.is_empty()).collect();
+            let text = parts.join("   ");
             let row = ui.selectable_label(false, text).on_hover_text(run.folder.display().to_string());
             if row.clicked() {
                 actions.push(UiAction::CompareWith(run.folder.clone()));
@@ -219,9 +221,13 @@ fn table(
     }
     let table = builder.header(ROW_HEIGHT, |mut header| {
         header.col(|ui| _ = ui.strong("Measure"));
-        for title in ["A", "B", "B - A"] {
-            header.col(|ui| at_right(ui, RichText::new(title).strong()));
+        for title in ["A", "B"] {
+            header.col(|ui| _ = at_right(ui, RichText::new(title).strong()));
         }
+        header.col(|ui| {
+            let title = RichText::new("A - B").strong();
+            at_right(ui, title).on_hover_text("How much more the present run has than the other one");
+        });
     });
     table.body(|body| {
         body.rows(ROW_HEIGHT, pairs.len(), |mut line| {
@@ -238,7 +244,7 @@ fn table(
             for value in pair.values {
                 let text =
                     value.map_or_else(|| "-".to_owned(), |value| decimal.fixed(value * factor, digits));
-                line.col(|ui| at_right(ui, RichText::new(text).monospace()));
+                line.col(|ui| _ = at_right(ui, RichText::new(text).monospace()));
             }
             line.col(|ui| {
                 let text = difference_words(pair.values, (factor, digits));
@@ -271,17 +277,17 @@ fn tip_of(quantity: &str) -> Option<&'static str> {
     }
 }
 
-/// The difference of two values as they are written, so that the three numbers of a row agree.
+/// How much more the first of two values is, as they are written, so that the three numbers of a row agree.
 fn difference_words(values: [Option<f64>; 2], (factor, digits): (f64, usize)) -> Option<String> {
     let written = |value: Option<f64>| format!("{:.digits$}", value? * factor).parse::<f64>().ok();
-    let text = format!("{:+.digits$}", written(values[1])? - written(values[0])?);
+    let text = format!("{:+.digits$}", written(values[0])? - written(values[1])?);
     // No difference is said without a sign.
     let is_zero = text.parse() == Ok(0.0);
     Some(if is_zero { "0".to_owned() } else { text })
 }
 
-fn at_right(ui: &mut Ui, text: RichText) {
-    ui.with_layout(Layout::right_to_left(Align::Center), |ui| ui.label(text));
+fn at_right(ui: &mut Ui, text: RichText) -> Response {
+    ui.with_layout(Layout::right_to_left(Align::Center), |ui| ui.label(text)).inner
 }
 
 /// One quantity of one vehicle in both runs.
@@ -321,7 +327,7 @@ fn curves(ui: &mut Ui, choice: &mut CurveChoice, view: CurvesView<'_>) {
                 }
             })
             .response
-            .on_hover_text("A vehicle that both runs have");
+            .on_hover_text("A vehicle of both runs, or of one of them");
     });
     match (view.figure, view.trouble) {
         (Some(figure), None) => charts::draw_over_time(ui, figure),
@@ -336,10 +342,10 @@ mod tests {
     #[test]
     fn a_difference_is_that_of_the_numbers_beside_it() {
         let of = |a: f64, b: f64, digits| difference_words([Some(a), Some(b)], (1.0, digits)).unwrap();
-        assert_eq!(of(11.24, 11.26, 1), "+0.1", "11.2 and 11.3");
-        assert_eq!(of(11.26, 11.24, 1), "-0.1");
+        assert_eq!(of(11.24, 11.26, 1), "-0.1", "11.2 and 11.3");
+        assert_eq!(of(11.26, 11.24, 1), "+0.1");
         assert_eq!(of(11.16, 11.24, 1), "0", "11.2 twice");
-        assert_eq!((of(3.0, 5.0, 0).as_str(), of(5.0, 5.0, 0).as_str()), ("+2", "0"));
+        assert_eq!((of(5.0, 3.0, 0).as_str(), of(5.0, 5.0, 0).as_str()), ("+2", "0"));
         assert_eq!(difference_words([None, Some(1.0)], (1.0, 1)), None);
     }
 }

@@ -1,7 +1,7 @@
 //! The card of a finished run, or of a recorded one: what came of it, and what to do next.
 
 use super::super::{CityKind, DecimalSeparator, Layout, UiAction, UiState, ViewModel};
-use super::super::{layout, traffic};
+use super::super::{layout, theme, traffic};
 use super::RunAgain;
 use super::fields::{environment, seed};
 use city3d_logbook::figures::some_names;
@@ -22,6 +22,8 @@ const SEED_IS_UNUSED: &str =
     "Nothing is random in this scenario: the seed matters in the testbed environment alone.";
 /// For so many frames it is put to its place: at first it is wider than it will be, and egui would move it.
 const PLACING_FRAMES: u8 = 6;
+/// Height of its title and edges, points: in a low window the rest scrolls.
+const AROUND: f32 = 60.0;
 /// It looks so often whether the mouse rests.
 const WAITS: Duration = Duration::from_millis(250);
 /// Id of its window.
@@ -120,6 +122,8 @@ pub(super) fn window(ui: &Ui, state: &mut UiState, shown: &ViewModel<'_>, action
     let window = if let Some(place) = place { layout::moved_to(window, place) } else { window };
     window.show(ui.ctx(), |ui| {
         ui.set_max_width(430.0);
+        let room = ui.ctx().content_rect().height() - AROUND;
+        egui::ScrollArea::vertical().max_height(room).show(ui, |ui| {
         ui.label(format!(
             "{}, {}: {} s simulated",
             measures.scenario,
@@ -173,6 +177,7 @@ pub(super) fn window(ui: &Ui, state: &mut UiState, shown: &ViewModel<'_>, action
         if shown.runs.may_run_again {
             run_again(ui, card, shown, actions);
         }
+        });
     });
     if !is_open {
         card.close();
@@ -225,12 +230,13 @@ fn results(
     // What never moves is an obstacle.
     let drivers =
         measures.vehicles.values().filter(|vehicle| vehicle.distance_m > MOVES_M && !vehicle.is_obstacle);
+    let bad = theme::on_panel(ui.ctx(), Status::Collided);
     let longest = drivers.max_by(|a, b| a.longest_stand_s.total_cmp(&b.longest_stand_s));
     Grid::new("results").num_columns(2).spacing([18.0, 3.0]).show(ui, |ui| {
         let mut row = |name: &str, value: String, is_bad: bool| {
             let label = ui.label(name);
             let value = RichText::new(value).strong();
-            let value = ui.label(if is_bad { value.color(ui.visuals().error_fg_color) } else { value });
+            let value = ui.label(if is_bad { value.color(bad) } else { value });
             if let Some(tip) = tip_of(name) {
                 label.on_hover_text(tip);
                 value.on_hover_text(tip);

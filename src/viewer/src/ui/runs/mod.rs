@@ -54,6 +54,8 @@ pub struct RunEntry {
     pub folder: PathBuf,
     /// Scenario and seed of the run, and its number where its window has made several.
     pub name: String,
+    /// How long it was and how many collisions it had, such as "40 s, 1 collision". Empty where nothing tells.
+    pub outcome: String,
     /// When it began, such as "13:15 UTC"; on another day with the date. Empty if its folder does not tell.
     pub began: String,
     /// When its files were complete, such as "saved 3 minutes ago".

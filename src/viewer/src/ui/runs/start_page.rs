@@ -114,10 +114,12 @@ fn lists(ui: &mut Ui, shown: &ViewModel<'_>) -> Option<PathBuf> {
     if lists.runs.is_empty() {
         ui.label(RichText::new("None yet: every run of this window is recorded").weak());
     }
-    for RunEntry { folder, name, began, age, .. } in &lists.runs {
+    for RunEntry { folder, name, outcome, began, age, .. } in &lists.runs {
         let began = if began.is_empty() { age } else { began };
         let run = ui.add(egui::Button::selectable(false, name).truncate().shortcut_text(began));
-        if run.on_hover_text(format!("{name}\n{age}\n{}", folder.display())).clicked() {
+        let told = [name, outcome, age].into_iter().filter(|line| !line.is_empty());
+        let told: Vec<&str> = told.map(String::as_str).collect();
+        if run.on_hover_text(format!("{}\n{}", told.join("\n"), folder.display())).clicked() {
             clicked = Some(folder.clone());
         }
     }

@@ -19,10 +19,8 @@ struct TrackHeights {
 const HEIGHTS: TrackHeights = TrackHeights { marks: 14.0, bar: 7.0, times: 13.0 };
 /// In a low window the city needs the room.
 const LOW_HEIGHTS: TrackHeights = TrackHeights { marks: 8.0, bar: 6.0, times: 12.0 };
-/// In a very low one there are no times, but room for the knob.
-const LOWEST_HEIGHTS: TrackHeights = TrackHeights { marks: 5.0, bar: 5.0, times: 3.0 };
-/// Least height for times.
-const READABLE: f32 = 10.0;
+/// In a very low one marks are short.
+const LOWEST_HEIGHTS: TrackHeights = TrackHeights { marks: 4.0, bar: 5.0, times: 12.0 };
 /// Heights of a low window and of a very low one, points.
 const LOW_WINDOW: f32 = 480.0;
 const LOWEST_WINDOW: f32 = 400.0;
@@ -189,9 +187,7 @@ fn paint(ui: &Ui, rect: Rect, scale: &TimeAxis, state: &UiState, replay: &Timeli
     let played = Rect::from_min_max(bar.min, Pos2::new(here, bar.bottom()));
     painter.rect_filled(played, 3.0, ui.visuals().selection.bg_fill);
     marks(&painter, rect, scale, state, replay);
-    if scale.heights.times >= READABLE {
-        times(ui, &painter, bar.bottom(), scale);
-    }
+    times(ui, &painter, bar.bottom(), scale);
     if replay.shown == ShownTime::Past {
         // The present.
         painter.vline(
