@@ -1,28 +1,99 @@
-//! Places on the pavement along kerbs, and whether there is room.
+//! Places on the pavement along kerbs, and what is taken of them: one test for all that stands there beside the scenery of
+//! the map.
 
-use super::SceneObject;
+use super::doorways::Way;
 use super::grounds::{covers, distance_to};
-use super::hash_to_unit;
+use super::plants::HEDGE_WIDTH_M;
 use super::polygon::mitre;
+use super::props::WALL_WIDTH_M;
 use super::roads::{RoadField, SHOULDER_M};
-use city3d_roadmap::{CityMap, Footprint, SceneryKind};
+use super::{SceneObject, hash_to_unit, special};
+use city3d_roadmap::{CityMap, Footprint, Scenery, SceneryKind};
 use glam::{DVec2, Vec2, Vec3};
 
-/// Where nobody may stand besides the scenery: boxes of signs, signals and what else stands along kerbs.
-pub(super) struct Posts(Vec<[Vec2; 2]>);
+/// From a wall: steps, bay windows and pipes are before it.
+const OFF_WALLS_M: f64 = 0.40;
+/// Foot of a lamp, over its circle.
+const LAMP_FOOT_M: f64 = 0.10;
+/// Before a door, from the step on.
+const BEFORE_DOOR_M: f64 = 0.80;
 
-impl Posts {
-    /// Of the objects that are no wider than a bicycle is long.
-    pub(super) fn of(objects: &[SceneObject]) -> Self {
+/// A disc on the ground: its middle and radius, metres.
+pub(super) type Disc = (DVec2, f64);
+
+/// What is taken on the ground, and what is free.
+pub(super) struct Places<'a> {
+    map: &'a CityMap,
+    field: &'a RoadField,
+    ways: &'a [Way],
+    /// Boxes of signs, signals and what else stands along kerbs, seen from above.
+    boxes: Vec<[Vec2; 2]>,
+    /// Trees up to the height of heads, and whatever was placed.
+    discs: Vec<Disc>,
+}
+
+impl<'a> Places<'a> {
+    /// Those that are left beside these objects, as far as they are no wider than a bicycle is long, and these trees.
+    pub(super) fn new(
+        (map, field): (&'a CityMap, &'a RoadField),
+        ways: &'a [Way],
+        objects: &[SceneObject],
+        trees: Vec<Disc>,
+    ) -> Self {
         const MOST_M: f32 = 1.9;
         let boxes = objects.iter().filter_map(|object| Some(object.levels.first()?.mesh.bounds()));
         let flat = boxes.map(|corners| corners.map(Vec3::truncate));
-        Self(flat.filter(|[low, high]| (*high - *low).max_element() < MOST_M).collect())
+        let boxes = flat.filter(|[low, high]| (*high - *low).max_element() < MOST_M).collect();
+        Self { map, field, ways, boxes, discs: trees }
     }
 
-    fn are_clear_of(&self, at: Vec2, clear: f32) -> bool {
-        !self.0.iter().any(|[low, high]| at.cmpgt(*low - clear).all() && at.cmplt(*high + clear).all())
+    /// Takes discs on the pavement if all of them are free.
+    pub(super) fn claim(&mut self, discs: &[Disc]) -> bool {
+        let is_free = discs.iter().all(|&disc| self.is_free(disc));
+        if is_free {
+            self.discs.extend(discs);
+        }
+        is_free
     }
+
+    /// Whether things that stay there for good would be between a door and the kerb.
+    pub(super) fn is_before_door(&self, (at, radius_m): Disc) -> bool {
+        self.ways.iter().any(|way| way.off_approach_m(at) < BEFORE_DOOR_M + radius_m)
+    }
+
+    /// Takes a disc that is not on the pavement, such as a seat.
+    pub(super) fn take(&mut self, disc: Disc) {
+        self.discs.push(disc);
+    }
+
+    /// Whether a disc is off the road and clear of walls, doors, and what else stands there.
+    pub(super) fn is_free(&self, (at, radius_m): Disc) -> bool {
+        let clear = radius_m as f32;
+        let off_road = self.field.distance.at(at) > SHOULDER_M + clear;
+        let point = at.as_vec2();
+        off_road
+            && self.discs.iter().all(|(middle, taken_m)| middle.distance(at) > taken_m + radius_m)
+            && !self
+                .boxes
+                .iter()
+                .any(|[low, high]| point.cmpgt(*low - clear).all() && point.cmplt(*high + clear).all())
+            && self.ways.iter().all(|way| way.threshold().distance(at) > BEFORE_DOOR_M + radius_m)
+            && self.map.scenery.iter().all(|piece| gap_m(piece, at) > radius_m)
+    }
+}
+
+/// From a point to a piece of scenery as it is drawn. Trees are among the discs.
+fn gap_m(piece: &Scenery, at: DVec2) -> f64 {
+    let shape = &piece.shape;
+    let half_m = match (piece.kind, shape) {
+        (SceneryKind::Grass | SceneryKind::Paving | SceneryKind::Tree, _) => return f64::INFINITY,
+        (SceneryKind::Hedge, Footprint::Polyline(_)) => f64::from(HEDGE_WIDTH_M) / 2.0,
+        (SceneryKind::Wall, Footprint::Polyline(_)) => f64::from(WALL_WIDTH_M) / 2.0,
+        (SceneryKind::Lamp, _) => LAMP_FOOT_M,
+        (SceneryKind::Building, _) => OFF_WALLS_M + special::projection_m(&piece.name.to_lowercase()),
+        _ => 0.0,
+    };
+    if covers(shape, at) { 0.0 } else { distance_to(shape, at) - half_m }
 }
 
 /// A row of places along kerbs.
@@ -60,15 +131,4 @@ pub(super) fn along_kerb<'a>(
         start += length;
         found
     })
-}
-
-/// Whether a place is so far off the road, walls, and what else is there.
-pub(super) fn has_room(map: &CityMap, field: &RoadField, posts: &Posts, (at, clear_m): (DVec2, f64)) -> bool {
-    let off_road = f64::from(field.distance.at(at)) > f64::from(SHOULDER_M) + clear_m;
-    let is_clear = map.scenery.iter().all(|piece| match (piece.kind, &piece.shape) {
-        (SceneryKind::Grass | SceneryKind::Paving, _) => true,
-        (SceneryKind::Tree, Footprint::Circle { centre, .. }) => centre.distance(at) > clear_m,
-        (_, shape) => distance_to(shape, at) > clear_m && !covers(shape, at),
-    });
-    off_road && is_clear && posts.are_clear_of(at.as_vec2(), clear_m as f32)
 }

@@ -179,7 +179,7 @@ fn faces_of_hedges_are_flat() {
         city3d_roadmap::Footprint::Polyline(vec![DVec2::ZERO, DVec2::new(9.0, 2.0), DVec2::new(12.0, 9.0)]);
     let mut piece = city().scenery.iter().find(|piece| piece.kind == SceneryKind::Hedge).unwrap().clone();
     piece.shape = shape;
-    for level in plants::hedge(&SeededScenery { piece: &piece, seed: 7 }, &[]).levels {
+    for level in plants::hedge(&SeededScenery { piece: &piece, seed: 7 }, &[], &|_| true).levels {
         for t in level.mesh.indices.chunks_exact(3) {
             let [a, b, c] = [t[0], t[1], t[2]].map(|k| level.mesh.vertices[k as usize]);
             assert!(a.normal == b.normal && b.normal == c.normal, "{a:?} {b:?} {c:?}");

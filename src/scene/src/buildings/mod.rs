@@ -10,6 +10,7 @@ mod trimmings;
 pub(super) use style::DARK;
 pub(super) use trimmings::object as trimmings;
 
+use super::aprons::Gateway;
 use super::doorways::Doorway;
 use super::grounds::ring_of;
 use super::lanes::LaneBoxIndex;
@@ -25,22 +26,30 @@ const STOREY_M: f32 = 3.1;
 /// Depth of walls below the ground.
 const FOOT_M: f32 = 0.05;
 
+/// The ways into a building.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Doors {
+    pub(super) front: Option<Doorway>,
+    pub(super) back: Option<Doorway>,
+    pub(super) gates: Option<Gateway>,
+}
+
 /// Draws a building. Its front is not a side that other buildings block, and its door not where an obstacle
-/// blocks the way. `trim` gets what is too small to be seen from afar. Returns its door, unless it has gates.
+/// blocks the way. `trim` gets what is too small to be seen from afar. Returns its doors.
 pub(super) fn building(
     [mesh, trim]: [&mut Mesh; 2],
     place: &SeededScenery<'_>,
     lanes: &LaneBoxIndex<'_>,
     around: &Surroundings<'_>,
-) -> Option<Doorway> {
+) -> Doors {
     let ring = outline(place);
     if ring.len() < 3 {
-        return None;
+        return Doors::default();
     }
     let name = place.piece.name.to_lowercase();
     let height = height_of(place);
     if special::pavilion(mesh, &name, &ring, height) {
-        return None;
+        return Doors::default();
     }
     let sides: Vec<Facade> =
         (0..ring.len()).map(|k| Facade { from: ring[k], to: ring[(k + 1) % ring.len()] }).collect();
@@ -64,12 +73,18 @@ pub(super) fn building(
     }
     let front = entrance::front_of(&sides, &open, lanes, place.piece.front_rad);
     let bay = entrance::door_bay(&sides[front], &style, around);
+    let back = entrance::back_door(&sides, &open, front, &style, place, around);
     let below = roof::eaves_over(&ring, gabled);
     for (k, side) in sides.iter().enumerate() {
-        let windowless = (k == front).then(|| entrance::windowless(side, &style, bay));
+        let windowless = if k == front {
+            Some(entrance::windowless(side, &style, bay))
+        } else {
+            back.filter(|(side, _)| *side == k).map(|(_, bay)| entrance::bay_part(side, bay))
+        };
         storeys(mesh, side, &style, (eaves, below(k)), windowless);
     }
-    entrance::entrance(mesh, (&sides[front], bay), &style, &name, eaves);
+    entrance::entrance(mesh, (&sides[front], bay), &style, (&name, eaves), around);
+    let back_way = back.map(|(k, bay)| entrance::draw_back_door(mesh, (&sides[k], bay), &style));
     let drop = roof::overhang_drop(rise, short);
     let overhung: Vec<Option<f32>> = (0..sides.len()).map(|k| below(k).then_some(eaves - drop)).collect();
     let house = trimmings::House {
@@ -88,7 +103,13 @@ pub(super) fn building(
     special::additions(mesh, &name, &ring, height);
     let door = (bay + 0.5) / sides[front].bays();
     let at = sides[front].at(door, 0.0, 0.0).truncate();
-    style.gates.is_none().then(|| Doorway { at, out: sides[front].outward() })
+    let out = sides[front].outward();
+    let gates = Gateway { ends: [sides[front].from, sides[front].to], out };
+    Doors {
+        front: style.gates.is_none().then_some(Doorway { at, out }),
+        back: back_way,
+        gates: style.gates.map(|_| gates),
+    }
 }
 
 /// The corners of its footprint.

@@ -98,12 +98,12 @@ pub(super) fn style(place: &SeededScenery<'_>, name: &str, short_m: f32, height:
     }
     if has(name, &["mill"]) {
         let brick = Finish { colour: BRICKS[0], ..sash };
-        return Style { upper: brick, ground: BARE_BRICK, gates: Some([74, 92, 84]), ..base };
+        return Style { upper: brick, ground: brick, gates: Some([74, 92, 84]), ..base };
     }
     if has(name, &["warehouse", "factory", "depot", "workshop"]) {
         let sheet = wall(Surface::Concrete, pick(&[[186, 190, 190], [170, 182, 188], [196, 188, 174]], 4));
         let upper = wall(Surface::Windows, sheet.colour);
-        return Style { upper, ground: sheet, sign, gates: Some([112, 124, 134]), ..base };
+        return Style { upper, ground: upper, sign, gates: Some([112, 124, 134]), ..base };
     }
     if has(name, &["office", "department"]) {
         let glazing = wall(Surface::Glazing, [214, 218, 220]);
