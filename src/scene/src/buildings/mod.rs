@@ -1,6 +1,7 @@
 //! Procedural buildings from footprints: storeys of windows, doors, signs, flat and gabled roofs, details by
 //! name.
 
+mod church;
 mod entrance;
 mod roof;
 mod side;
@@ -56,12 +57,18 @@ pub(super) fn building(
     let short = sides.iter().map(Facade::width).fold(f32::INFINITY, f32::min);
     let style = style::style(place, &name, short, height);
     let gabled = style.gabled && ring.len() == 4;
-    let rise = if gabled { rise_of(short, height) } else { 0.0 };
+    let rise = if gabled { rise_of(&name, short, height) } else { 0.0 };
     let eaves = height - rise;
     if gabled {
         roof::gable_roof([mesh, trim], &ring, (eaves, rise), &style, place);
     } else {
         roof::flat_roof(mesh, place, &ring, eaves);
+    }
+    if church::is_one(&name) {
+        sides.iter().for_each(|side| storeys(mesh, side, &style, (eaves, false), None));
+        special::additions(mesh, &name, &ring, height);
+        let portal = church::church([mesh, trim], &sides, &ring, [eaves, height]);
+        return Doors { front: Some(portal), ..Doors::default() };
     }
     let is_built = |at: Vec2| around.is_built(at, place.piece);
     // Sampling distance in front of a wall, as far as awnings and steps reach.
@@ -141,11 +148,16 @@ pub(super) fn price_board(place: &SeededScenery<'_>) -> Option<(Vec2, Vec2)> {
 }
 
 fn height_of(place: &SeededScenery<'_>) -> f32 {
-    place.piece.height_m.map_or(6.5 + 6.0 * place.hash_to_unit(9), |h| h as f32).clamp(2.2, 120.0)
+    let stated = place.piece.height_m.map_or(6.5 + 6.0 * place.hash_to_unit(9), |h| h as f32);
+    let share = if church::is_one(&place.piece.name.to_lowercase()) { church::NAVE } else { 1.0 };
+    (share * stated).clamp(2.2, 120.0)
 }
 
 /// Height of a gabled roof from eaves to ridge.
-fn rise_of(short_m: f32, height: f32) -> f32 {
+fn rise_of(name: &str, short_m: f32, height: f32) -> f32 {
+    if church::is_one(name) {
+        return church::STEEP * short_m;
+    }
     (0.42 * short_m).min(0.42 * height)
 }
 
@@ -159,7 +171,7 @@ pub(super) fn opaque_walls(place: &SeededScenery<'_>) -> Vec<Wall> {
     let short = sides().map(|(from, to)| from.distance(to)).fold(f32::INFINITY, f32::min);
     let height_m = height_of(place);
     // Up to the eaves, whatever the roof.
-    let height_m = height_m - rise_of(short, height_m);
+    let height_m = height_m - rise_of(&place.piece.name.to_lowercase(), short, height_m);
     sides().map(|(from, to)| Wall { from, to, height_m }).collect()
 }
 
