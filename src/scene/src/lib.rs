@@ -291,7 +291,12 @@ impl SceneDescription {
                     taken.extend(trees::TreePrototypes::disc(piece, &tree));
                     tree
                 }
-                SceneryKind::Hedge => plants::hedge(&place, &ways, &|at| around.has_room_for_hedge(at)),
+                SceneryKind::Hedge => {
+                    let has_room = |at: DVec2| around.has_room_for_hedge(at);
+                    // Vehicles collide with the whole line, so something of it stays visible.
+                    objects.push(one(&|mesh| props::low_wall(mesh, &place, &ways, &|at| !has_room(at))));
+                    plants::hedge(&place, &ways, &has_room)
+                }
                 SceneryKind::Wall => one(&|mesh| props::wall(mesh, &place, &ways)),
                 SceneryKind::Lamp => {
                     let lamp = props::lamp(&place, &lanes, &furniture);

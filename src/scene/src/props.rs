@@ -53,6 +53,22 @@ pub(super) fn wall(mesh: &mut Mesh, place: &SeededScenery<'_>, ways: &[Way]) {
     }
 }
 
+/// A low wall in place of those parts of a hedge.
+pub(super) fn low_wall(
+    mesh: &mut Mesh,
+    place: &SeededScenery<'_>,
+    ways: &[Way],
+    is_wanted: &dyn Fn(DVec2) -> bool,
+) {
+    const WIDE_M: f32 = 0.24;
+    const HIGH_M: f32 = 0.46;
+    if let Footprint::Polyline(line) = &place.piece.shape {
+        for line in opened(line, ways, is_wanted) {
+            along(mesh, &line, WIDE_M, HIGH_M, STONE_WALL, COPING);
+        }
+    }
+}
+
 pub(super) fn middle(shape: &Footprint) -> Vec2 {
     match shape {
         Footprint::Circle { centre, .. } => centre.as_vec2(),
