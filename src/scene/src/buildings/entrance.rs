@@ -96,9 +96,12 @@ pub(super) fn draw_back_door(mesh: &mut Mesh, (side, bay): (&Facade, f32), style
     Doorway { at: side.at((bay + 0.5) / side.bays(), 0.0, 0.0).truncate(), out: side.outward() }
 }
 
+/// Width of a door with its frame.
+const DOOR_M: f32 = 1.20;
+
 /// Height of a door with its fanlight.
 fn door_height(storey: f32) -> f32 {
-    2.66_f32.min(storey - 0.14)
+    2.56_f32.min(storey - 0.14)
 }
 
 /// A house door, or two glazed shop doors, in their bay.
@@ -121,11 +124,17 @@ fn door(mesh: &mut Mesh, (front, bay): (&Facade, f32), style: &Style, [storey, e
         return;
     }
     let high = door_height(storey);
-    front.slab(mesh, [middle, 1.56], [0.02, high + 0.08], 0.05, TRIM);
-    front.panel(mesh, [middle, 1.34], [0.16, high], 0.065, wall(Surface::Door, [255, 255, 255]));
+    front.slab(mesh, [middle, 1.38], [0.02, high + 0.08], 0.05, TRIM);
+    front.panel(mesh, [middle, DOOR_M], [0.16, high], 0.065, wall(Surface::Door, [255, 255, 255]));
     // The leaf in its own colour, before that of the frame: its part of the texture.
     let leaf = [Vec2::new(0.10, 0.0), Vec2::new(0.90, 0.80)];
-    front.picture(mesh, [middle, 1.34 * 0.8], [0.16, 0.16 + 0.8 * (high - 0.16)], (0.072, leaf), style.door);
+    front.picture(
+        mesh,
+        [middle, DOOR_M * 0.8],
+        [0.16, 0.16 + 0.8 * (high - 0.16)],
+        (0.072, leaf),
+        style.door,
+    );
     front.slab(mesh, [middle, 1.9], [0.02, 0.16], 0.6, TRIM.shaded(0.9));
     if style.sign.is_none() && !style.gabled && eaves > 8.0 {
         front.slab(mesh, [middle, 2.2], [high + 0.18, high + 0.32], 0.95, TRIM.shaded(0.95));
