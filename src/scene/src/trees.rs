@@ -424,11 +424,11 @@ impl Tree {
                 (0.48, 0.0, 1, [0.34, 1.90]),
             ],
             TreeKind::Birch | TreeKind::Spruce => &[
-                (0.14, 0.50, 3, [0.36, 0.44]),
-                (0.40, 0.44, 3, [0.38, 0.50]),
-                (0.64, 0.28, 2, [0.36, 0.50]),
-                (0.82, 0.06, 1, [0.30, 0.50]),
-                (0.54, 0.0, 1, [0.40, 1.40]),
+                (0.15, 0.36, 3, [0.44, 0.42]),
+                (0.38, 0.34, 3, [0.46, 0.52]),
+                (0.62, 0.22, 2, [0.40, 0.54]),
+                (0.82, 0.05, 1, [0.31, 0.48]),
+                (0.52, 0.0, 1, [0.42, 1.36]),
             ],
         };
         let mut clumps = Vec::new();
@@ -439,8 +439,9 @@ impl Tree {
                 let turn = TAU * (k as f32 / count as f32 + 0.37 * ring as f32)
                     + 0.7 * (hash_to_unit(1) - 0.5)
                     + self.hash_to_unit(63);
-                // Lobes differ, the core of the crown does not.
-                let [least, more] = if out > 0.0 { [0.78, 0.40] } else { [0.90, 0.18] };
+                // Lobes differ, the core of the crown does not, nor do those of poplars.
+                let is_lobe = out > 0.0 && self.kind != TreeKind::Upright;
+                let [least, more] = if is_lobe { [0.78, 0.40] } else { [0.90, 0.18] };
                 let size = least + more * hash_to_unit(2);
                 let out = out * (0.84 + 0.30 * hash_to_unit(3));
                 let z = self.clear + crown * (up + 0.15 * (hash_to_unit(4) - 0.5));
