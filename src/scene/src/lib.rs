@@ -181,6 +181,14 @@ impl SceneObject {
 
     /// An instance: rotated, moved and scaled uniformly, with other finishes.
     fn placed(&self, city_from_object: Affine3A, look: impl Fn(Finish) -> Finish) -> Self {
+        let mut placed = self.moved(city_from_object, look);
+        // After rotation, silhouettes are measured along other directions.
+        placed.measure_outlines();
+        placed
+    }
+
+    /// An instance whose silhouettes are still to be measured.
+    fn moved(&self, city_from_object: Affine3A, look: impl Fn(Finish) -> Finish) -> Self {
         let turn = Mat3::from(city_from_object.matrix3);
         let scale = turn.x_axis.length();
         let vertex = |v: &Vertex| Vertex {
@@ -196,10 +204,7 @@ impl SceneObject {
             },
             error_m: level.error_m * scale,
         };
-        let mut placed = Self { levels: self.levels.iter().map(level).collect() };
-        // After rotation, silhouettes are measured along other directions.
-        placed.measure_outlines();
-        placed
+        Self { levels: self.levels.iter().map(level).collect() }
     }
 
     /// Raises the errors of the coarser levels to the difference of their silhouettes.
@@ -292,7 +297,7 @@ impl SceneDescription {
                     tree
                 }
                 SceneryKind::Hedge => {
-                    let has_room = |at: DVec2| around.has_room_for_hedge(at);
+                    let has_room = around.room_for_hedge(piece);
                     // Vehicles collide with the whole line, so something of it stays visible.
                     objects.push(one(&|mesh| props::low_wall(mesh, &place, &ways, &|at| !has_room(at))));
                     plants::hedge(&place, &ways, &has_room)

@@ -23,7 +23,8 @@ pub(super) type Disc = (DVec2, f64);
 
 /// What is taken on the ground, and what is free.
 pub(super) struct Places<'a> {
-    map: &'a CityMap,
+    /// The scenery with the boxes around it, as it is drawn.
+    scenery: Vec<(&'a Scenery, [DVec2; 2])>,
     field: &'a RoadField,
     ways: &'a [Way],
     /// Boxes of signs, signals and what else stands along kerbs, seen from above.
@@ -44,7 +45,8 @@ impl<'a> Places<'a> {
         let boxes = objects.iter().filter_map(|object| Some(object.levels.first()?.mesh.bounds()));
         let flat = boxes.map(|corners| corners.map(Vec3::truncate));
         let boxes = flat.filter(|[low, high]| (*high - *low).max_element() < MOST_M).collect();
-        Self { map, field, ways, boxes, discs: trees }
+        let scenery = map.scenery.iter().map(|piece| (piece, box_of(piece))).collect();
+        Self { scenery, field, ways, boxes, discs: trees }
     }
 
     /// Takes discs on the pavement if all of them are free.
@@ -78,22 +80,43 @@ impl<'a> Places<'a> {
                 .iter()
                 .any(|[low, high]| point.cmpgt(*low - clear).all() && point.cmplt(*high + clear).all())
             && self.ways.iter().all(|way| way.threshold().distance(at) > BEFORE_DOOR_M + radius_m)
-            && self.map.scenery.iter().all(|piece| gap_m(piece, at) > radius_m)
+            && self.scenery.iter().all(|(piece, [low, high])| {
+                let is_far = at.cmplt(*low - radius_m).any() || at.cmpgt(*high + radius_m).any();
+                is_far || gap_m(piece, at) > radius_m
+            })
     }
 }
 
 /// From a point to a piece of scenery as it is drawn. Trees are among the discs.
 fn gap_m(piece: &Scenery, at: DVec2) -> f64 {
+    if matches!(piece.kind, SceneryKind::Grass | SceneryKind::Paving | SceneryKind::Tree) {
+        return f64::INFINITY;
+    }
     let shape = &piece.shape;
-    let half_m = match (piece.kind, shape) {
-        (SceneryKind::Grass | SceneryKind::Paving | SceneryKind::Tree, _) => return f64::INFINITY,
+    if covers(shape, at) { 0.0 } else { distance_to(shape, at) - over_m(piece) }
+}
+
+/// How far what is drawn reaches over a footprint.
+fn over_m(piece: &Scenery) -> f64 {
+    match (piece.kind, &piece.shape) {
         (SceneryKind::Hedge, Footprint::Polyline(_)) => f64::from(HEDGE_WIDTH_M) / 2.0,
         (SceneryKind::Wall, Footprint::Polyline(_)) => f64::from(WALL_WIDTH_M) / 2.0,
         (SceneryKind::Lamp, _) => LAMP_FOOT_M,
         (SceneryKind::Building, _) => OFF_WALLS_M + special::projection_m(&piece.name.to_lowercase()),
         _ => 0.0,
+    }
+}
+
+/// The box around a piece of scenery as it is drawn.
+pub(super) fn box_of(piece: &Scenery) -> [DVec2; 2] {
+    let (corners, reach_m) = match &piece.shape {
+        Footprint::Circle { centre, radius_m } => (std::slice::from_ref(centre), *radius_m),
+        Footprint::Polygon(points) | Footprint::Polyline(points) => (points.as_slice(), 0.0),
     };
-    if covers(shape, at) { 0.0 } else { distance_to(shape, at) - half_m }
+    let low = corners.iter().copied().fold(DVec2::INFINITY, DVec2::min);
+    let high = corners.iter().copied().fold(DVec2::NEG_INFINITY, DVec2::max);
+    let over_m = reach_m + over_m(piece);
+    [low - over_m, high + over_m]
 }
 
 /// A row of places along kerbs.

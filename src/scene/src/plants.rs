@@ -22,11 +22,14 @@ pub(super) fn hedge(
     has_room: &dyn Fn(DVec2) -> bool,
 ) -> SceneObject {
     let height = place.piece.height_m.map_or(1.15, |h| h as f32);
+    let left = match &place.piece.shape {
+        Footprint::Polyline(line) => opened(line, ways, has_room),
+        _ => Vec::new(),
+    };
     let level = |is_near: bool| {
         let mut mesh = Mesh::default();
         match &place.piece.shape {
-            Footprint::Polyline(line) => {
-                let left = opened(line, ways, has_room);
+            Footprint::Polyline(_) => {
                 for (pair, k) in left.iter().flat_map(|line| line.windows(2)).zip(0..) {
                     let ends = [pair[0].as_vec2(), pair[1].as_vec2()];
                     let seed = place.seed * 17 + k;

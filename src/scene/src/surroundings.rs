@@ -1,6 +1,7 @@
 //! Free-space queries around a point of the map.
 
 use super::grounds::{covers, distance_to};
+use super::places::box_of;
 use super::roads::{RoadField, SHOULDER_M};
 use super::trees;
 use city3d_roadmap::{CityMap, Footprint, Scenery, SceneryKind};
@@ -47,13 +48,22 @@ impl Surroundings<'_> {
         self.has_post(at) || barriers.any(|piece| distance_to(&piece.shape, at.as_dvec2()) < WAY_M)
     }
 
-    /// Whether a hedge leaves a pavement before it, or at least does not wall up the houses behind.
-    pub(super) fn has_room_for_hedge(&self, at: DVec2) -> bool {
+    /// Where a hedge leaves a pavement before it, or at least does not wall up the houses behind.
+    pub(super) fn room_for_hedge(&self, hedge: &Scenery) -> impl Fn(DVec2) -> bool {
         const OFF_KERB_M: f32 = 1.6;
         const OFF_HOUSES_M: f64 = 3.5;
-        let is_home = |piece: &&Scenery| piece.kind == SceneryKind::Building;
-        self.field.distance.at(at) > SHOULDER_M + OFF_KERB_M
-            || self.map.scenery.iter().filter(is_home).all(|home| distance_to(&home.shape, at) > OFF_HOUSES_M)
+        let [low, high] = box_of(hedge);
+        let is_near = |home: &&Scenery| {
+            let [from, to] = box_of(home);
+            from.cmple(high + OFF_HOUSES_M).all() && to.cmpge(low - OFF_HOUSES_M).all()
+        };
+        let homes = self.map.scenery.iter().filter(|piece| piece.kind == SceneryKind::Building);
+        let homes: Vec<&Scenery> = homes.filter(is_near).collect();
+        let field = self.field;
+        move |at| {
+            field.distance.at(at) > SHOULDER_M + OFF_KERB_M
+                || homes.iter().all(|home| distance_to(&home.shape, at) > OFF_HOUSES_M)
+        }
     }
 
     /// Whether a crown, a post, or the traffic at a kerb is where an awning would reach, somewhat over its edge.

@@ -125,7 +125,7 @@ impl TreePrototypes {
             Quat::from_rotation_z(TAU * place.hash_to_unit(4)),
             centre.as_vec2().extend(FOOT_M),
         );
-        let mut tree = self.shapes[choice.shape].placed(here, |finish| choice.tinted(finish));
+        let mut tree = self.shapes[choice.shape].moved(here, |finish| choice.tinted(finish));
         let is_upright = matches!(choice.kind(), TreeKind::Upright);
         let grown = Growth {
             // Crowns over pavements are pruned to above heads; conifers and poplars in parks are not.

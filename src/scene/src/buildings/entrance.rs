@@ -81,8 +81,8 @@ pub(super) fn back_door(
         let before = |out: f32| sides[side].at((bay + 0.5) / count as f32, 0.0, out).truncate();
         [0.7, 1.4].into_iter().all(|out| !around.bars_the_way(before(out)))
     };
-    let bays = (0..count).map(|k| ((first + k) % count) as f32);
-    bays.into_iter().find(|&bay| is_clear(bay)).map(|bay| (side, bay))
+    let mut bays = (0..count).map(|k| ((first + k) % count) as f32);
+    bays.find(|&bay| is_clear(bay)).map(|bay| (side, bay))
 }
 
 /// A plain door, and the way to it.
