@@ -404,6 +404,31 @@ fn faces_of_many_corners_stay_in_their_outline() {
 }
 
 #[test]
+fn awnings_hang_above_heads_and_nothing_goes_through_them() {
+    const HEADS_M: f32 = 2.0;
+    let map = city();
+    let scene = SceneDescription::from_map(&map);
+    let mut cloths = 0;
+    for mesh in scene.objects.iter().map(|object| &object.levels[0].mesh) {
+        for t in mesh.indices.chunks_exact(3) {
+            let corners = [t[0], t[1], t[2]].map(|k| mesh.vertices[k as usize]);
+            if corners[0].finish.surface != Surface::Awning {
+                continue;
+            }
+            cloths += 1;
+            assert!(corners.iter().all(|v| v.position.z > HEADS_M), "{:?}", corners[0].position);
+            let seen = corners.map(|v| v.position.truncate());
+            for piece in &map.scenery {
+                let at = props::middle(&piece.shape);
+                let stands = matches!(piece.kind, SceneryKind::Tree | SceneryKind::Lamp);
+                assert!(!stands || !covers(&seen, at), "{:?} at {at} through an awning", piece.kind);
+            }
+        }
+    }
+    assert!(cloths > 20, "{cloths} triangles of awnings");
+}
+
+#[test]
 fn coarser_levels_keep_to_their_error() {
     /// Rounding of coordinates at 100 m.
     const ROUNDED_M: f32 = 2e-5;
