@@ -13,7 +13,7 @@ const HUBS_M: [f32; 2] = [-0.50, 0.55];
 pub(super) const LENGTH_M: f32 = HUBS_M[1] - HUBS_M[0] + 2.0 * WHEEL_M;
 
 /// Top of the saddle, and the left grip of the bar.
-pub(super) const SADDLE_M: Vec3 = Vec3::new(-0.22, 0.0, 0.875);
+const SADDLE_M: Vec3 = Vec3::new(-0.22, 0.0, 0.875);
 pub(super) const GRIP_M: Vec3 = Vec3::new(0.35, 0.25, 1.0);
 /// The bottom bracket, and from there to the left pedal; the right one is opposite.
 const BRACKET_M: Vec3 = Vec3::new(-0.06, 0.0, 0.29);
@@ -40,12 +40,6 @@ pub(super) fn bicycle() -> SceneObject {
     let mut object = SceneObject::of_one_level(drawn(true));
     object.add_level(drawn(false), COARSER_M);
     object
-}
-
-/// Middle of the left pedal.
-#[cfg(test)]
-pub(super) fn left_pedal() -> Vec3 {
-    BRACKET_M + CRANK_M
 }
 
 /// One of them at a place, in a colour of its own.

@@ -44,6 +44,8 @@ pub(super) struct Way {
     line: Vec<DVec2>,
     /// Whether it has come to paved ground.
     is_whole: bool,
+    /// Whether it begins at a back door, before which a garden may be.
+    is_back: bool,
 }
 
 /// What may be in the way of a path, and where it may end.
@@ -94,15 +96,26 @@ impl Way {
         let is_near = |piece: &&Scenery| distance_to(&piece.shape, from) < TURN_AT_M + LONGEST_M;
         let ground = Ground { near: map.scenery.iter().filter(is_near).collect(), field };
         if let Some(to) = ground.paved_ahead(from, out) {
-            return Self { line: vec![from, to], is_whole: true };
+            return Self { line: vec![from, to], is_whole: true, is_back: false };
         }
         let elbow = from + out * TURN_AT_M;
         let is_open = [0.4, 0.7, 1.0].iter().all(|&share| !ground.is_barred(from.lerp(elbow, share)));
         let mut turned = TURNS_RAD.map(|turn| DVec2::from_angle(turn).rotate(out)).into_iter();
         match turned.find_map(|ahead| ground.paved_ahead(elbow, ahead)).filter(|_| is_open) {
-            Some(to) => Self { line: vec![from, elbow, to], is_whole: true },
-            None => Self { line: vec![from, from + out * BEFORE_DOOR_M], is_whole: false },
+            Some(to) => Self { line: vec![from, elbow, to], is_whole: true, is_back: false },
+            None => Self { is_back: false, ..Self::back(door) },
         }
+    }
+
+    /// A few steps from a back door.
+    pub(super) fn back(door: &Doorway) -> Self {
+        let (from, out) = (door.at.as_dvec2(), door.out.as_dvec2());
+        Self { line: vec![from, from + out * BEFORE_DOOR_M], is_whole: false, is_back: true }
+    }
+
+    /// Foot of the door, if it is a back door.
+    pub(super) fn back_door(&self) -> Option<DVec2> {
+        self.is_back.then(|| self.line[0])
     }
 
     /// The path, where there is lawn between the door and the pavement.
@@ -131,6 +144,13 @@ impl Way {
         self.line[0] + (self.line[1] - self.line[0]).clamp_length_max(STEP_M)
     }
 
+    /// Distance from the line straight out of the door, over the pavement to the kerb.
+    pub(super) fn off_approach_m(&self, at: DVec2) -> f64 {
+        const TO_KERB_M: f64 = 3.4;
+        let out = (self.line[1] - self.line[0]).normalize_or_zero();
+        distance_to(&Footprint::Polyline(vec![self.line[0], self.line[0] + out * TO_KERB_M]), at)
+    }
+
     /// Distance from its line, which goes on a little: hedges stand on the edges of pavements too.
     fn distance_m(&self, at: DVec2) -> f64 {
         let mut line = self.line.clone();
@@ -141,8 +161,8 @@ impl Way {
     }
 }
 
-/// What is left of a hedge or a wall with openings at all ways that it crosses.
-pub(super) fn opened(line: &[DVec2], ways: &[Way]) -> Vec<Vec<DVec2>> {
+/// What is left of a hedge or a wall with openings at all ways that it crosses, and where it has no room.
+pub(super) fn opened(line: &[DVec2], ways: &[Way], has_room: &dyn Fn(DVec2) -> bool) -> Vec<Vec<DVec2>> {
     /// Length of the pieces of which each stays or goes as a whole.
     const PIECE_M: f64 = 0.1;
     let touches = |way: &&Way| {
@@ -151,7 +171,7 @@ pub(super) fn opened(line: &[DVec2], ways: &[Way]) -> Vec<Vec<DVec2>> {
         distance_to(&Footprint::Polyline(line.to_vec()), way.line[0]) < reach
     };
     let ways: Vec<&Way> = ways.iter().filter(touches).collect();
-    let is_open = |at: DVec2| ways.iter().any(|way| way.distance_m(at) < OPEN_M);
+    let is_open = |at: DVec2| !has_room(at) || ways.iter().any(|way| way.distance_m(at) < OPEN_M);
     let mut runs: Vec<Vec<DVec2>> = Vec::new();
     let mut run: Vec<DVec2> = Vec::new();
     for pair in line.windows(2) {
@@ -183,14 +203,18 @@ mod tests {
 
     #[test]
     fn a_hedge_has_an_opening_at_each_way_and_keeps_its_corners() {
-        let way = |x: f64| Way { line: vec![DVec2::new(x, 0.0), DVec2::new(x, 6.0)], is_whole: true };
+        let way = |x: f64| Way {
+            line: vec![DVec2::new(x, 0.0), DVec2::new(x, 6.0)],
+            is_whole: true,
+            is_back: false,
+        };
         let line = [DVec2::new(-8.0, 3.0), DVec2::new(8.0, 3.0), DVec2::new(8.0, 20.0)];
-        assert_eq!(opened(&line, &[way(40.0)]), [line.to_vec()]);
-        let left = opened(&line, &[way(0.0)]);
+        assert_eq!(opened(&line, &[way(40.0)], &|_| true), [line.to_vec()]);
+        let left = opened(&line, &[way(0.0)], &|_| true);
         assert_eq!(left.len(), 2, "{left:?}");
         assert!(left[0][1].x < -OPEN_M + 1e-9 && left[0][1].x > -OPEN_M - 0.2, "{left:?}");
         assert_eq!(left[1][1..], line[1..]);
         // Nothing is left between two doors side by side.
-        assert_eq!(opened(&line, &[way(-1.0), way(1.5)]).len(), 2);
+        assert_eq!(opened(&line, &[way(-1.0), way(1.5)], &|_| true).len(), 2);
     }
 }

@@ -53,7 +53,7 @@ const ROUGH: f32 = 0.16;
 const HULL_TONE: f32 = 1.02;
 const HULL_CONTRAST: f32 = 2.4;
 /// Largest tilt of hull normals, per face around it: hulls have few, large faces.
-const HULL_LEAN: f32 = 0.22;
+const HULL_LEAN: f32 = 0.13;
 /// How often a face is cut into four parts to find out whether other clumps cover it.
 const CUTS: u32 = 4;
 /// Light inside a crown and at its bottom.

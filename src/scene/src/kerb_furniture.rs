@@ -3,11 +3,9 @@
 use super::bicycles;
 use super::crossings::{Crossing, DEEP_M};
 use super::ground_sheet::KERB_M;
-use super::kerbside::{KerbRow, Posts, along_kerb, has_room};
 use super::mesh::{Class, Finish, Mesh, Surface};
-use super::roads::RoadField;
+use super::places::{Disc, KerbRow, Places, along_kerb};
 use super::{SceneObject, hash_to_unit};
-use city3d_roadmap::CityMap;
 use glam::{Affine3A, DVec2, Quat, Vec2, Vec3};
 
 /// Where things stand along a kerb, and where gullies are.
@@ -17,7 +15,12 @@ const GULLIES: KerbRow = KerbRow { spacing_m: 17.0, off_kerb_m: [-0.15, -0.15], 
 const BOLLARDS_OFF_M: f64 = 0.42;
 const BOLLARDS_APART_M: f64 = 1.35;
 const BESIDE_CROSSING_M: f64 = 0.35;
-const CLEAR_M: f64 = 0.30;
+/// Radii of what things take of the pavement: bollards, half a bicycle, post boxes and cabinets.
+const BOLLARD_M: f64 = 0.26;
+const BICYCLE_M: f64 = 0.34;
+const BOX_M: f64 = 0.42;
+/// From one post box to the next.
+const POST_BOXES_APART_M: f64 = 110.0;
 /// Depth of feet in the pavement.
 const FOOT_M: f32 = KERB_M - 0.02;
 /// Height of the frame and of the bars of a gully, above wear and below paint.
@@ -53,25 +56,23 @@ fn thing_at(seed: u32) -> Option<Thing> {
     }
 }
 
-/// Everything along the kerbs, whose rings have the road to their left, clear of posts.
+/// Everything along the kerbs, whose rings have the road to their left, where there are places.
 pub(super) fn furniture(
-    (map, field): (&CityMap, &RoadField),
     kerbs: &[Vec<DVec2>],
     crossings: &[Crossing],
-    posts: &Posts,
+    places: &mut Places<'_>,
 ) -> Vec<SceneObject> {
-    let is_free = |at: DVec2, clear_m: f64| has_room(map, field, posts, (at, clear_m));
     let ends: Vec<_> = crossings.iter().flat_map(Crossing::ends).collect();
     let is_off_crossings =
         |at: DVec2| ends.iter().all(|(end, ..)| end.distance(at) > DEEP_M / 2.0 + BOLLARDS_APART_M + 1.0);
     let [bollard, post_box, cabinet] = [bollard(), post_box(), cabinet()];
     let bicycle = bicycles::bicycle();
-    let mut found = Vec::new();
+    let (mut found, mut post_boxes) = (Vec::new(), Vec::new());
     for (end, outward, along) in &ends {
         for aside in [BESIDE_CROSSING_M, BESIDE_CROSSING_M + BOLLARDS_APART_M] {
             for side in [1.0, -1.0] {
                 let at = *end + *outward * BOLLARDS_OFF_M + *along * (side * (DEEP_M / 2.0 + aside));
-                if is_free(at, CLEAR_M) {
+                if claim(places, &[(at, BOLLARD_M)]) {
                     found.push(bollard.placed(standing(at, Vec2::X), |finish| finish));
                 }
             }
@@ -85,21 +86,27 @@ pub(super) fn furniture(
                 Thing::Bollards => found.extend(
                     (0..4)
                         .map(|k| at + along * (BOLLARDS_APART_M * f64::from(k)))
-                        .filter(|&at| is_free(at, CLEAR_M) && is_off_crossings(at))
+                        .filter(|&at| is_off_crossings(at) && claim(places, &[(at, BOLLARD_M)]))
                         .map(|at| bollard.placed(standing(at, Vec2::X), |finish| finish)),
                 ),
                 Thing::PostBox | Thing::Cabinet => {
                     let (object, behind) =
                         if thing == Thing::PostBox { (&post_box, 0.10) } else { (&cabinet, 0.14) };
                     let at = at + outward * behind;
-                    if is_free(at, 0.40) {
+                    let is_wanted = thing == Thing::Cabinet
+                        || post_boxes.iter().all(|other: &DVec2| other.distance(at) > POST_BOXES_APART_M);
+                    if is_wanted && claim(places, &[(at, BOX_M)]) {
+                        if thing == Thing::PostBox {
+                            post_boxes.push(at);
+                        }
                         found.push(object.placed(standing(at, outward.as_vec2()), |finish| finish));
                     }
                 }
                 Thing::Bicycle => {
                     let at = at + outward * 0.12;
-                    let half = f64::from(bicycles::LENGTH_M / 2.0);
-                    if [-half, 0.0, half].into_iter().all(|way| is_free(at + along * way, CLEAR_M)) {
+                    let half = f64::from(bicycles::LENGTH_M / 2.0) - BICYCLE_M;
+                    let discs = [-half, 0.0, half].map(|way| -> Disc { (at + along * way, BICYCLE_M) });
+                    if claim(places, &discs) {
                         found.extend(parked(&bicycle, (at, along), seed));
                     }
                 }
@@ -107,6 +114,11 @@ pub(super) fn furniture(
         }
     }
     found
+}
+
+/// Takes discs for what stays there for good: not before doors either.
+fn claim(places: &mut Places<'_>, discs: &[Disc]) -> bool {
+    !discs.iter().any(|&disc| places.is_before_door(disc)) && places.claim(discs)
 }
 
 /// The place of what faces a direction.
@@ -224,6 +236,7 @@ pub(super) fn gullies(mesh: &mut Mesh, kerbs: &[Vec<DVec2>]) {
 mod tests {
     use super::super::SceneDescription;
     use super::super::mesh::Vertex;
+    use super::super::roads::RoadField;
     use super::super::tests::city;
     use super::*;
 

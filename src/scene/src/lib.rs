@@ -2,6 +2,7 @@
 
 #![allow(clippy::disallowed_methods, reason = "only draws; no state of a run depends on it")]
 
+mod aprons;
 mod bicycles;
 mod buildings;
 mod car_parks;
@@ -16,7 +17,6 @@ mod ground_sheet;
 mod grounds;
 mod kerb_furniture;
 mod kerbs;
-mod kerbside;
 mod land;
 mod lanes;
 mod lettering;
@@ -26,6 +26,7 @@ mod models;
 mod outlines;
 mod parked;
 mod people;
+mod places;
 mod plants;
 mod playground;
 mod polygon;
@@ -180,6 +181,14 @@ impl SceneObject {
 
     /// An instance: rotated, moved and scaled uniformly, with other finishes.
     fn placed(&self, city_from_object: Affine3A, look: impl Fn(Finish) -> Finish) -> Self {
+        let mut placed = self.moved(city_from_object, look);
+        // After rotation, silhouettes are measured along other directions.
+        placed.measure_outlines();
+        placed
+    }
+
+    /// An instance whose silhouettes are still to be measured.
+    fn moved(&self, city_from_object: Affine3A, look: impl Fn(Finish) -> Finish) -> Self {
         let turn = Mat3::from(city_from_object.matrix3);
         let scale = turn.x_axis.length();
         let vertex = |v: &Vertex| Vertex {
@@ -195,17 +204,19 @@ impl SceneObject {
             },
             error_m: level.error_m * scale,
         };
-        let mut levels: Vec<LodMesh> = self.levels.iter().map(level).collect();
-        // After rotation, silhouettes are measured along other directions.
+        Self { levels: self.levels.iter().map(level).collect() }
+    }
+
+    /// Raises the errors of the coarser levels to the difference of their silhouettes.
+    fn measure_outlines(&mut self) {
         let mut least_m = 0.0;
-        if let [finest, coarser @ ..] = &mut levels[..] {
+        if let [finest, coarser @ ..] = &mut self.levels[..] {
             let reach = finest.mesh.reach();
             for level in coarser {
                 level.error_m = level.error_m.max(level.mesh.outline_from(&reach)).max(least_m);
                 least_m = level.error_m + 1e-3;
             }
         }
-        Self { levels }
     }
 
     /// Whether it has no triangles at any level.
@@ -248,11 +259,13 @@ impl SceneDescription {
         let is_drive = |piece: &&Scenery| piece.kind == SceneryKind::Paving && piece.name.is_empty();
         let drives: Vec<&Footprint> = map.scenery.iter().filter(is_drive).map(|piece| &piece.shape).collect();
         let is_building = |piece: &Scenery| piece.kind == SceneryKind::Building;
-        let mut ways = Vec::new();
+        let (mut ways, mut aprons) = (Vec::new(), Vec::new());
         for place in SeededScenery::all(map).filter(|place| is_building(place.piece)) {
             let (mut mesh, mut trim) = (Mesh::default(), Mesh::default());
-            let door = buildings::building([&mut mesh, &mut trim], &place, &lanes, &around);
-            ways.extend(door.map(|door| doorways::Way::new(&door, map, &field)));
+            let doors = buildings::building([&mut mesh, &mut trim], &place, &lanes, &around);
+            ways.extend(doors.front.map(|door| doorways::Way::new(&door, map, &field)));
+            ways.extend(doors.back.map(|door| doorways::Way::back(&door)));
+            aprons.extend(doors.gates.and_then(|gates| aprons::Apron::new(&gates, map, &field)));
             objects.extend([buildings::trimmings(trim), SceneObject::of_one_level(mesh)]);
             let pumps = buildings::pumps(&place).into_iter();
             objects.extend(pumps.map(|(at, front)| furniture.place(FurnitureKind::FuelPump, at, front, 1.0)));
@@ -263,6 +276,9 @@ impl SceneDescription {
             walls.extend(buildings::opaque_walls(&place));
         }
         ways.iter().for_each(|way| way.lay(&mut lying));
+        aprons.iter().for_each(|apron| apron.lay(&mut lying));
+        let aprons_of: Vec<Footprint> = aprons.iter().map(aprons::Apron::shape).collect();
+        let mut taken: Vec<places::Disc> = aprons.iter().flat_map(aprons::Apron::discs).collect();
         // Street furniture faces the road, so it needs the road field.
         for place in SeededScenery::all(map) {
             let piece = place.piece;
@@ -273,8 +289,19 @@ impl SceneDescription {
             };
             let object = match piece.kind {
                 SceneryKind::Building => continue,
-                SceneryKind::Tree => nursery.tree(&place),
-                SceneryKind::Hedge => plants::hedge(&place, &ways),
+                // Nobody plants a tree before gates.
+                SceneryKind::Tree if aprons_of.iter().any(|apron| covers_middle(apron, piece)) => continue,
+                SceneryKind::Tree => {
+                    let tree = nursery.tree(&place);
+                    taken.extend(trees::TreePrototypes::disc(piece, &tree));
+                    tree
+                }
+                SceneryKind::Hedge => {
+                    let has_room = around.room_for_hedge(piece);
+                    // Vehicles collide with the whole line, so something of it stays visible.
+                    objects.push(one(&|mesh| props::low_wall(mesh, &place, &ways, &|at| !has_room(at))));
+                    plants::hedge(&place, &ways, &has_room)
+                }
                 SceneryKind::Wall => one(&|mesh| props::wall(mesh, &place, &ways)),
                 SceneryKind::Lamp => {
                     let lamp = props::lamp(&place, &lanes, &furniture);
@@ -305,17 +332,16 @@ impl SceneDescription {
         let mut instanced = models::place(map, models);
         objects.extend(street_names::poles(map, &field));
         let crossings = crossings::crossings(map, &field);
-        let posts = kerbside::Posts::of(&objects);
-        objects.extend(kerb_furniture::furniture((map, &field), outlines.kerbs(), &crossings, &posts));
-        let posts = kerbside::Posts::of(&objects);
-        let people = people::people(map, &field, outlines.kerbs(), &posts);
+        let mut places = places::Places::new((map, &field), &ways, &objects, taken);
+        objects.extend(kerb_furniture::furniture(outlines.kerbs(), &crossings, &mut places));
+        let people = people::people(map, outlines.kerbs(), &crossings, &mut places);
         objects.extend(parked::cars(map, &drives));
         objects.retain(|object: &SceneObject| !object.is_empty());
         let mut gullies = Mesh::default();
         kerb_furniture::gullies(&mut gullies, outlines.kerbs());
         let roads_out = land::roads_from(map, &field);
         let mouths: Vec<Footprint> = roads_out.iter().map(land::CountryRoad::driveway).collect();
-        let lowered: Vec<&Footprint> = drives.iter().copied().chain(&mouths).collect();
+        let lowered: Vec<&Footprint> = drives.iter().copied().chain(&mouths).chain(&aprons_of).collect();
         let sheet = outlines.ground(map, &lowered);
         let land = land::Land::new(map, &field, sheet.rim(), (roads_out, &ways));
         land.lay(&mut lying);
@@ -382,6 +408,11 @@ impl SceneDescription {
             .flat_map(|object| &object.levels)
             .map(|level| &level.mesh)
     }
+}
+
+/// Whether an area contains the middle of a piece of scenery.
+fn covers_middle(area: &Footprint, piece: &Scenery) -> bool {
+    grounds::covers(area, props::middle(&piece.shape).as_dvec2())
 }
 
 /// A scenery item with a random seed of its own, for deterministic variety.

@@ -5,24 +5,31 @@ use super::grounds::ring_of;
 use super::mesh::{Class, Finish, Mesh, Surface, Vertex};
 use super::{SceneObject, SeededScenery};
 use city3d_roadmap::Footprint;
-use glam::{Vec2, Vec3};
+use glam::{DVec2, Vec2, Vec3};
 
 const HEDGE: Finish = Finish::new(Surface::Leaves, [110, 136, 79], Class::Vegetation);
 
 /// Spacing of cross-sections along a hedge.
 const STATION_M: f32 = 2.6;
-const HEDGE_WIDTH_M: f32 = 0.9;
+pub(super) const HEDGE_WIDTH_M: f32 = 0.9;
 /// Repeats of the leaves over a metre.
 const HEDGE_REPEATS: f32 = 0.75;
 
-/// A clipped hedge within a polygon, or along what openings at these ways leave of a line.
-pub(super) fn hedge(place: &SeededScenery<'_>, ways: &[Way]) -> SceneObject {
+/// A clipped hedge within a polygon, or along what openings at these ways and places without room leave of a line.
+pub(super) fn hedge(
+    place: &SeededScenery<'_>,
+    ways: &[Way],
+    has_room: &dyn Fn(DVec2) -> bool,
+) -> SceneObject {
     let height = place.piece.height_m.map_or(1.15, |h| h as f32);
+    let left = match &place.piece.shape {
+        Footprint::Polyline(line) => opened(line, ways, has_room),
+        _ => Vec::new(),
+    };
     let level = |is_near: bool| {
         let mut mesh = Mesh::default();
         match &place.piece.shape {
-            Footprint::Polyline(line) => {
-                let left = opened(line, ways);
+            Footprint::Polyline(_) => {
                 for (pair, k) in left.iter().flat_map(|line| line.windows(2)).zip(0..) {
                     let ends = [pair[0].as_vec2(), pair[1].as_vec2()];
                     let seed = place.seed * 17 + k;

@@ -14,6 +14,8 @@ const COPING: Finish = Finish::new(Surface::Concrete, [196, 192, 184], Class::Wa
 pub(super) const SLATS: Finish = Finish::new(Surface::Wood, [150, 108, 70], Class::Furniture);
 pub(super) const IRON: Finish = Finish::new(Surface::Metal, [58, 60, 62], Class::Furniture);
 
+/// Width of the coping of a wall.
+pub(super) const WALL_WIDTH_M: f32 = 0.42;
 /// Depth of furniture feet in lawns and between slabs.
 const FOOT_M: f32 = 0.13;
 
@@ -35,18 +37,34 @@ pub(super) fn wall(mesh: &mut Mesh, place: &SeededScenery<'_>, ways: &[Way]) {
     let height = place.piece.height_m.map_or(0.9, |h| h as f32);
     match &place.piece.shape {
         Footprint::Polyline(line) => {
-            let left = opened(line, ways);
+            let left = opened(line, ways, &|_| true);
             left.iter().for_each(|line| along(mesh, line, 0.30, height, STONE_WALL, STONE_WALL));
             for pair in left.iter().flat_map(|line| line.windows(2)) {
                 let (a, b) = (pair[0].as_vec2(), pair[1].as_vec2());
                 let yaw = (b - a).to_angle();
-                let size = Vec3::new(a.distance(b) + 0.4, 0.42, 0.10);
+                let size = Vec3::new(a.distance(b) + 0.4, WALL_WIDTH_M, 0.10);
                 mesh.block(((a + b) / 2.0).extend(0.05 + height), size, yaw, COPING);
             }
         }
         shape => {
             let ring: Vec<Vec3> = ring_of(shape).iter().map(|p| p.as_vec2().extend(0.05)).collect();
             mesh.prism(&ring, height, STONE_WALL, COPING);
+        }
+    }
+}
+
+/// A low wall in place of those parts of a hedge.
+pub(super) fn low_wall(
+    mesh: &mut Mesh,
+    place: &SeededScenery<'_>,
+    ways: &[Way],
+    is_wanted: &dyn Fn(DVec2) -> bool,
+) {
+    const WIDE_M: f32 = 0.24;
+    const HIGH_M: f32 = 0.46;
+    if let Footprint::Polyline(line) = &place.piece.shape {
+        for line in opened(line, ways, is_wanted) {
+            along(mesh, &line, WIDE_M, HIGH_M, STONE_WALL, COPING);
         }
     }
 }

@@ -149,6 +149,11 @@ pub(super) fn board_on_portico(name: &str, height: f32) -> Option<(f32, f32)> {
     name.contains("theatre").then_some((z, PORTICO_OUT_M + 0.06))
 }
 
+/// How far what stands on the ground before a building is from its walls, metres.
+pub(super) fn projection_m(name: &str) -> f64 {
+    if name.contains("theatre") { f64::from(PORTICO_OUT_M) } else { 0.0 }
+}
+
 /// Half width of the town hall's tower.
 const CLOCKS_OUT_M: f32 = 1.8;
 

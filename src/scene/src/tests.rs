@@ -179,7 +179,7 @@ fn faces_of_hedges_are_flat() {
         city3d_roadmap::Footprint::Polyline(vec![DVec2::ZERO, DVec2::new(9.0, 2.0), DVec2::new(12.0, 9.0)]);
     let mut piece = city().scenery.iter().find(|piece| piece.kind == SceneryKind::Hedge).unwrap().clone();
     piece.shape = shape;
-    for level in plants::hedge(&SeededScenery { piece: &piece, seed: 7 }, &[]).levels {
+    for level in plants::hedge(&SeededScenery { piece: &piece, seed: 7 }, &[], &|_| true).levels {
         for t in level.mesh.indices.chunks_exact(3) {
             let [a, b, c] = [t[0], t[1], t[2]].map(|k| level.mesh.vertices[k as usize]);
             assert!(a.normal == b.normal && b.normal == c.normal, "{a:?} {b:?} {c:?}");
@@ -401,6 +401,31 @@ fn faces_of_many_corners_stay_in_their_outline() {
         let [a, b, c] = [t[0], t[1], t[2]].map(|k| mesh.vertices[k as usize].position);
         assert!(a.distance(b).max(b.distance(c)).max(c.distance(a)) < 3.0, "a spike from {a} to {b} and {c}");
     }
+}
+
+#[test]
+fn awnings_hang_above_heads_and_nothing_goes_through_them() {
+    const HEADS_M: f32 = 2.0;
+    let map = city();
+    let scene = SceneDescription::from_map(&map);
+    let mut cloths = 0;
+    for mesh in scene.objects.iter().map(|object| &object.levels[0].mesh) {
+        for t in mesh.indices.chunks_exact(3) {
+            let corners = [t[0], t[1], t[2]].map(|k| mesh.vertices[k as usize]);
+            if corners[0].finish.surface != Surface::Awning {
+                continue;
+            }
+            cloths += 1;
+            assert!(corners.iter().all(|v| v.position.z > HEADS_M), "{:?}", corners[0].position);
+            let seen = corners.map(|v| v.position.truncate());
+            for piece in &map.scenery {
+                let at = props::middle(&piece.shape);
+                let stands = matches!(piece.kind, SceneryKind::Tree | SceneryKind::Lamp);
+                assert!(!stands || !covers(&seen, at), "{:?} at {at} through an awning", piece.kind);
+            }
+        }
+    }
+    assert!(cloths > 20, "{cloths} triangles of awnings");
 }
 
 #[test]

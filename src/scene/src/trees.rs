@@ -2,8 +2,9 @@
 
 use super::foliage::{Clump, Crown, CrownDetail, limb};
 use super::mesh::{Class, Finish, Mesh, Surface, Vertex};
+use super::places::Disc;
 use super::{SceneObject, SeededScenery};
-use city3d_roadmap::Footprint;
+use city3d_roadmap::{Footprint, Scenery};
 use glam::{Affine3A, Mat3, Quat, Vec2, Vec3};
 use std::f32::consts::TAU;
 
@@ -25,7 +26,7 @@ const COPPER: [u8; 3] = [122, 92, 78];
 /// Brightness of trees in a wood.
 const WOOD_TONE: f32 = 0.8;
 /// Ratio of the crown to the circle of the drawing, which keeps more clearance from lanes.
-const REACH: f32 = 1.30;
+pub(super) const REACH: f32 = 1.30;
 /// Smaller circles are street trees.
 const STREET_M: f32 = 1.27;
 
@@ -46,6 +47,8 @@ const KINDS: [TreeKind; 5] =
 /// Shares of the species, in the order of [`KINDS`].
 const IN_STREETS: [f32; 5] = [0.50, 0.12, 0.18, 0.20, 0.0];
 const IN_PARKS: [f32; 5] = [0.34, 0.20, 0.12, 0.16, 0.18];
+/// Height of the foot of a tree of the map.
+const FOOT_M: f32 = 0.06;
 /// Prototypes per species.
 const VARIANTS: u32 = 3;
 
@@ -58,7 +61,7 @@ enum TreeDetail {
     Hull([u32; 2], u32),
 }
 
-const FINEST: TreeDetail = TreeDetail::Clumps(CrownDetail { clumps: [7, 4], sprays: 22 }, 5);
+const FINEST: TreeDetail = TreeDetail::Clumps(CrownDetail { clumps: [6, 4], sprays: 22 }, 5);
 /// Coarser levels with their errors in crown radii. Hulls differ from crowns by more than their silhouettes.
 const COARSER: [(TreeDetail, f32); 6] = [
     (TreeDetail::Clumps(CrownDetail { clumps: [5, 3], sprays: 20 }, 5), 0.06),
@@ -116,13 +119,36 @@ impl TreePrototypes {
         let shares = if (radius_m as f32) < STREET_M { IN_STREETS } else { IN_PARKS };
         let choice = TreeChoice::new(place.seed, shares);
         // Not wider than its circle allows.
-        let scale = radius * (0.90 + 0.10 * place.hash_to_unit(2));
+        let scale = radius * (0.86 + 0.14 * place.hash_to_unit(2));
         let here = Affine3A::from_scale_rotation_translation(
             Vec3::splat(scale),
             Quat::from_rotation_z(TAU * place.hash_to_unit(4)),
-            centre.as_vec2().extend(0.06),
+            centre.as_vec2().extend(FOOT_M),
         );
-        self.shapes[choice.shape].placed(here, |finish| choice.tinted(finish))
+        let mut tree = self.shapes[choice.shape].moved(here, |finish| choice.tinted(finish));
+        let is_upright = matches!(choice.kind(), TreeKind::Upright);
+        let grown = Growth {
+            // Crowns over pavements are pruned to above heads; conifers and poplars in parks are not.
+            clear_m: if shares == IN_STREETS { 2.2 + 0.5 * place.hash_to_unit(9) } else { 0.0 },
+            // Poplars would tower over the houses.
+            tall: (0.88 + 0.26 * place.hash_to_unit(10)) * if is_upright { 0.80 } else { 1.0 },
+            lean: Vec2::from_angle(TAU * place.hash_to_unit(5)) * (0.055 * place.hash_to_unit(11)),
+        };
+        grown.shape(&mut tree);
+        tree.measure_outlines();
+        tree
+    }
+
+    /// What a tree of the map takes at the height of people: its trunk, and its crown if that is so low.
+    pub(super) fn disc(piece: &Scenery, tree: &SceneObject) -> Option<Disc> {
+        const HEADS_M: f32 = 2.0;
+        let Footprint::Circle { centre, .. } = piece.shape else { return None };
+        let mesh = &tree.levels.first()?.mesh;
+        let corners = |t: &[u32]| [t[0], t[1], t[2]].map(|k| mesh.vertices[k as usize].position);
+        let triangles = mesh.indices.chunks_exact(3).map(corners);
+        let low = triangles.filter(|corners| corners.iter().any(|at| at.z < HEADS_M)).flatten();
+        let off_m = low.map(|at| at.truncate().as_dvec2().distance(centre));
+        Some((centre, off_m.fold(0.0, f64::max)))
     }
 
     /// Adds a tree of the country, in crown radii, to a mesh.
@@ -155,6 +181,32 @@ impl TreePrototypes {
         };
         let triangles = level.mesh.indices.chunks_exact(3).filter(is_drawn);
         mesh.indices.extend(triangles.flatten().map(|k| k + base));
+    }
+}
+
+/// How a tree of the map differs from its prototype, besides its size.
+struct Growth {
+    /// Height of its lowest leaves at least.
+    clear_m: f32,
+    /// Height of its crown, as a share of that of the prototype.
+    tall: f32,
+    /// Sideways over upwards.
+    lean: Vec2,
+}
+
+impl Growth {
+    fn shape(&self, tree: &mut SceneObject) {
+        let Some(finest) = tree.levels.first() else { return };
+        let is_leaf = |v: &&Vertex| v.finish.surface != Surface::Wood;
+        let low = finest.mesh.vertices.iter().filter(is_leaf).map(|v| v.position.z);
+        let low = low.fold(f32::INFINITY, f32::min) - FOOT_M;
+        let stem = self.clear_m.max(low) / low.max(1e-3);
+        let lifted = |up: f32| if up < low { up * stem } else { low * stem + (up - low) * self.tall };
+        for vertex in tree.levels.iter_mut().flat_map(|level| &mut level.mesh.vertices) {
+            let up = lifted(vertex.position.z - FOOT_M);
+            vertex.position.z = FOOT_M + up;
+            vertex.position += (self.lean * up).extend(0.0);
+        }
     }
 }
 
@@ -229,7 +281,7 @@ pub(super) enum Habit {
 impl Habit {
     fn shares(self) -> [f32; 5] {
         match self {
-            Self::Open => [0.52, 0.28, 0.06, 0.12, 0.02],
+            Self::Open => [0.56, 0.30, 0.02, 0.10, 0.02],
             Self::Broadleaved => [0.62, 0.18, 0.0, 0.12, 0.08],
             Self::Conifers => [0.10, 0.0, 0.0, 0.08, 0.82],
         }
@@ -262,6 +314,10 @@ impl TreeChoice {
         };
         let brightness = 0.94 + 0.12 * hash_to_unit(7);
         Self { shape: kind * VARIANTS as usize + variant, green, brightness }
+    }
+
+    fn kind(&self) -> TreeKind {
+        KINDS[self.shape / VARIANTS as usize]
     }
 
     fn tinted(&self, finish: Finish) -> Finish {
@@ -348,10 +404,11 @@ impl Tree {
         // Per ring: height, radius, number of clumps, and their half width and height.
         let rings: &[(f32, f32, u32, [f32; 2])] = match self.kind {
             TreeKind::Round => &[
-                (0.26, 0.50, 4, [0.50, 0.48]),
-                (0.54, 0.46, 4, [0.52, 0.54]),
-                (0.78, 0.10, 1, [0.58, 0.52]),
-                (0.50, 0.0, 1, [0.70, 1.10]),
+                (0.20, 0.46, 4, [0.50, 0.36]),
+                (0.42, 0.46, 4, [0.54, 0.42]),
+                (0.66, 0.28, 2, [0.56, 0.44]),
+                (0.82, 0.06, 1, [0.50, 0.36]),
+                (0.50, 0.0, 1, [0.66, 0.98]),
             ],
             TreeKind::Wide => &[
                 (0.30, 0.60, 6, [0.40, 0.38]),
@@ -360,17 +417,18 @@ impl Tree {
                 (0.46, 0.0, 1, [0.66, 0.62]),
             ],
             TreeKind::Upright => &[
-                (0.22, 0.20, 2, [0.36, 0.80]),
-                (0.48, 0.20, 2, [0.38, 0.95]),
-                (0.72, 0.12, 2, [0.32, 0.90]),
-                (0.52, 0.0, 1, [0.38, 2.30]),
+                (0.20, 0.22, 2, [0.32, 0.64]),
+                (0.44, 0.24, 3, [0.28, 0.76]),
+                (0.68, 0.14, 2, [0.26, 0.80]),
+                (0.84, 0.03, 1, [0.19, 0.72]),
+                (0.48, 0.0, 1, [0.34, 1.90]),
             ],
             TreeKind::Birch | TreeKind::Spruce => &[
-                (0.14, 0.50, 3, [0.36, 0.44]),
-                (0.40, 0.44, 3, [0.38, 0.50]),
-                (0.64, 0.28, 2, [0.36, 0.50]),
-                (0.82, 0.06, 1, [0.30, 0.50]),
-                (0.54, 0.0, 1, [0.40, 1.40]),
+                (0.15, 0.36, 3, [0.44, 0.42]),
+                (0.38, 0.34, 3, [0.46, 0.52]),
+                (0.62, 0.22, 2, [0.40, 0.54]),
+                (0.82, 0.05, 1, [0.31, 0.48]),
+                (0.52, 0.0, 1, [0.42, 1.36]),
             ],
         };
         let mut clumps = Vec::new();
@@ -381,9 +439,12 @@ impl Tree {
                 let turn = TAU * (k as f32 / count as f32 + 0.37 * ring as f32)
                     + 0.7 * (hash_to_unit(1) - 0.5)
                     + self.hash_to_unit(63);
-                let size = 0.84 + 0.30 * hash_to_unit(2);
-                let out = out * (0.88 + 0.22 * hash_to_unit(3));
-                let z = self.clear + crown * (up + 0.10 * (hash_to_unit(4) - 0.5));
+                // Lobes differ, the core of the crown does not, nor do those of poplars.
+                let is_lobe = out > 0.0 && self.kind != TreeKind::Upright;
+                let [least, more] = if is_lobe { [0.78, 0.40] } else { [0.90, 0.18] };
+                let size = least + more * hash_to_unit(2);
+                let out = out * (0.84 + 0.30 * hash_to_unit(3));
+                let z = self.clear + crown * (up + 0.15 * (hash_to_unit(4) - 0.5));
                 let centre = Vec3::new(turn.cos() * out, turn.sin() * out, z) + self.bend() * up;
                 let size = Vec3::new(wide, wide, tall) * size;
                 let centre = centre.with_z(centre.z.max(self.clear * 0.92 + size.z));
@@ -444,9 +505,9 @@ impl Tree {
 
     /// Branches from the trunk to the lowest clumps.
     fn branches(&self, mesh: &mut Mesh, clumps: &[Clump]) {
-        for clump in clumps.iter().take(4).filter(|clump| clump.centre.truncate().length() > 0.25) {
+        for clump in clumps.iter().take(6).filter(|clump| clump.centre.truncate().length() > 0.25) {
             let from = self.bend() * 0.6 + Vec3::Z * (0.80 * self.clear.max(clump.centre.z - 0.75));
-            let joints = [(from, self.girth * 0.42), (clump.centre, self.girth * 0.16)];
+            let joints = [(from, self.girth * 0.48), (clump.centre, self.girth * 0.16)];
             let finish = if self.kind == TreeKind::Birch { BIRCH_TWIGS } else { self.bark().shaded(0.86) };
             limb(mesh, &joints, 3, finish);
         }

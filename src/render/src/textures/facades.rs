@@ -60,7 +60,7 @@ impl WindowPattern {
         } else {
             1.0
         };
-        if edge < 0.055 || (x - 0.5).abs() * wide < 0.035 || (y - self.bar).abs() * high < 0.028 {
+        if edge < 0.048 || (x - 0.5).abs() * wide < 0.024 || (y - self.bar).abs() * high < 0.019 {
             return Some(tinted(self.frame, shade));
         }
         let (colour, dull) = pane([x, y], self.seed);
@@ -88,7 +88,7 @@ pub(super) fn windows(at: [f32; 2]) -> Texel {
     }
     // The shade of the cornice falls on the surround too.
     if within(at, [0.26, 0.76], [0.215, 0.245]) || within(at, [0.26, 0.76], [0.815, 0.83]) {
-        return grey(wall * 0.80);
+        return grey(wall * 0.68);
     }
     if within(at, [0.27, 0.73], [0.28, 0.83]) {
         return grey(0.99);
@@ -124,7 +124,7 @@ pub(super) fn sash(at: [f32; 2]) -> Texel {
     }
     // A bay of 3 m has one and a half repeats of 2 m of brick.
     let (colour, dull) = brick([at[0] * 1.5, at[1] * 1.5]);
-    let shade = if within(at, [0.29, 0.73], [0.195, 0.225]) { 0.78 } else { 1.0 };
+    let shade = if within(at, [0.29, 0.73], [0.195, 0.225]) { 0.64 } else { 1.0 };
     let course = if at[1] > 0.965 { 1.14 } else { 1.0 };
     ([0, 1, 2].map(|k| colour[k] * 1.16 * RED[k] * shade * course), dull)
 }
@@ -149,7 +149,9 @@ pub(super) fn shutters(at: [f32; 2]) -> Texel {
     if within(at, [0.33, 0.67], [0.235, 0.27]) {
         return grey(1.0);
     }
-    grey(render_wall(at))
+    // The shade of the sill.
+    let shade = if within(at, [0.34, 0.68], [0.212, 0.235]) { 0.68 } else { 1.0 };
+    grey(render_wall(at) * shade)
 }
 
 /// Windows to the floor behind a railing, every other bay a closed wall beside them.

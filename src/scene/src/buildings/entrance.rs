@@ -1,5 +1,7 @@
 //! Fronts of buildings: choice of the front side, doors, gates, name boards, awnings.
 
+use super::super::SeededScenery;
+use super::super::doorways::Doorway;
 use super::super::lanes::LaneBoxIndex;
 use super::super::mesh::{Finish, Mesh, Surface};
 use super::super::surroundings::Surroundings;
@@ -49,20 +51,64 @@ pub(super) fn door_bay(front: &Facade, style: &Style, around: &Surroundings<'_>)
 
 /// Share of the front without ground-floor windows, for gates or the door in its bay.
 pub(super) fn windowless(front: &Facade, style: &Style, bay: f32) -> [f32; 2] {
-    let count = front.bays();
-    if style.gates.is_some() { [0.0, 1.0] } else { [bay / count, (bay + 1.0) / count] }
+    if style.gates.is_some() { [0.0, 1.0] } else { bay_part(front, bay) }
 }
+
+/// A bay, in shares of the width.
+pub(super) fn bay_part(side: &Facade, bay: f32) -> [f32; 2] {
+    [bay / side.bays(), (bay + 1.0) / side.bays()]
+}
+
+/// The side of a back door and its bay: opposite the front, where people can go. Shops have none.
+pub(super) fn back_door(
+    sides: &[Facade],
+    open: &[usize],
+    front: usize,
+    style: &Style,
+    place: &SeededScenery<'_>,
+    around: &Surroundings<'_>,
+) -> Option<(usize, f32)> {
+    if style.ground.surface.is_shopfront() {
+        return None;
+    }
+    let ahead = sides[front].outward();
+    let facing = |k: usize| sides[k].outward().dot(ahead);
+    let behind = open.iter().copied().filter(|&k| facing(k) < -0.5);
+    let side = behind.min_by(|&a, &b| facing(a).total_cmp(&facing(b)))?;
+    let count = sides[side].bays() as u32;
+    let first = (place.hash_to_unit(87) * count as f32) as u32;
+    let is_clear = |bay: f32| {
+        let before = |out: f32| sides[side].at((bay + 0.5) / count as f32, 0.0, out).truncate();
+        [0.7, 1.4].into_iter().all(|out| !around.bars_the_way(before(out)))
+    };
+    let mut bays = (0..count).map(|k| ((first + k) % count) as f32);
+    bays.find(|&bay| is_clear(bay)).map(|bay| (side, bay))
+}
+
+/// A plain door, and the way to it.
+pub(super) fn draw_back_door(mesh: &mut Mesh, (side, bay): (&Facade, f32), style: &Style) -> Doorway {
+    const HIGH_M: f32 = 2.12;
+    let middle = (bay + 0.5) / side.bays() * side.width();
+    let leaf = [Vec2::new(0.10, 0.0), Vec2::new(0.90, 0.80)];
+    side.slab(mesh, [middle, 1.14], [0.02, HIGH_M + 0.10], 0.05, TRIM);
+    side.picture(mesh, [middle, 0.96], [0.14, HIGH_M], (0.072, leaf), style.door.shaded(0.85));
+    side.slab(mesh, [middle, 1.3], [0.02, 0.14], 0.45, TRIM.shaded(0.85));
+    Doorway { at: side.at((bay + 0.5) / side.bays(), 0.0, 0.0).truncate(), out: side.outward() }
+}
+
+/// Width of a door with its frame.
+const DOOR_M: f32 = 1.20;
 
 /// Height of a door with its fanlight.
 fn door_height(storey: f32) -> f32 {
-    2.66_f32.min(storey - 0.14)
+    2.56_f32.min(storey - 0.14)
 }
 
 /// A house door, or two glazed shop doors, in their bay.
 fn door(mesh: &mut Mesh, (front, bay): (&Facade, f32), style: &Style, [storey, eaves]: [f32; 2]) {
     let width = front.width();
     let middle = (bay + 0.5) / front.bays() * width;
-    if style.ground.surface.is_shopfront() {
+    if style.ground.surface.is_shopfront() || style.ground.surface == Surface::Glazing {
         let frame = style.ground.shaded(0.55);
         let frame = Finish { surface: Surface::Plain, ..frame };
         // Under the fascia.
@@ -78,11 +124,17 @@ fn door(mesh: &mut Mesh, (front, bay): (&Facade, f32), style: &Style, [storey, e
         return;
     }
     let high = door_height(storey);
-    front.slab(mesh, [middle, 1.56], [0.02, high + 0.08], 0.05, TRIM);
-    front.panel(mesh, [middle, 1.34], [0.16, high], 0.065, wall(Surface::Door, [255, 255, 255]));
+    front.slab(mesh, [middle, 1.38], [0.02, high + 0.08], 0.05, TRIM);
+    front.panel(mesh, [middle, DOOR_M], [0.16, high], 0.065, wall(Surface::Door, [255, 255, 255]));
     // The leaf in its own colour, before that of the frame: its part of the texture.
     let leaf = [Vec2::new(0.10, 0.0), Vec2::new(0.90, 0.80)];
-    front.picture(mesh, [middle, 1.34 * 0.8], [0.16, 0.16 + 0.8 * (high - 0.16)], (0.072, leaf), style.door);
+    front.picture(
+        mesh,
+        [middle, DOOR_M * 0.8],
+        [0.16, 0.16 + 0.8 * (high - 0.16)],
+        (0.072, leaf),
+        style.door,
+    );
     front.slab(mesh, [middle, 1.9], [0.02, 0.16], 0.6, TRIM.shaded(0.9));
     if style.sign.is_none() && !style.gabled && eaves > 8.0 {
         front.slab(mesh, [middle, 2.2], [high + 0.18, high + 0.32], 0.95, TRIM.shaded(0.95));
@@ -113,7 +165,14 @@ fn porch(mesh: &mut Mesh, front: &Facade, middle: f32, low: f32, tiles: Finish) 
     }
 }
 
-pub(super) fn entrance(mesh: &mut Mesh, (front, bay): (&Facade, f32), style: &Style, name: &str, eaves: f32) {
+/// Draws door or gates, the name, and an awning where nothing stands in its place.
+pub(super) fn entrance(
+    mesh: &mut Mesh,
+    (front, bay): (&Facade, f32),
+    style: &Style,
+    (name, eaves): (&str, f32),
+    around: &Surroundings<'_>,
+) {
     let width = front.width();
     let storey = eaves / storeys_up_to(eaves);
     if let Some(colour) = style.gates {
@@ -133,9 +192,12 @@ pub(super) fn entrance(mesh: &mut Mesh, (front, bay): (&Facade, f32), style: &St
         return;
     }
     let is_shop = style.ground.surface.is_shopfront();
+    let has_awning = is_shop && has(name, &["cafe", "bakery", "flower", "hotel"]);
     // Height of the board between the door and the windows above.
     let room = [door_height(storey) + 0.12, storey * 1.21];
-    let most = if style.gates.is_some() || is_shop {
+    let most = if has_awning {
+        0.46
+    } else if style.gates.is_some() || is_shop {
         0.62
     } else {
         lettering::letters_on(room[1] - room[0]).min(0.62)
@@ -147,7 +209,9 @@ pub(super) fn entrance(mesh: &mut Mesh, (front, bay): (&Facade, f32), style: &St
         // With gates, on the parapet or under the roof: there is no space between gates and windows.
         if style.gabled { eaves - half - 0.05 } else { eaves + 0.1 }
     } else if is_shop {
-        storey * 0.93
+        // Over an awning under which people walk.
+        let least = if has_awning { AWNING_HEM_M + AWNING_DROP_M + AWNING_HANGS_M + half } else { 0.0 };
+        (storey * 0.93).max(least)
     } else {
         ((room[0] + room[1]) / 2.0).min(eaves - half - 0.05)
     };
@@ -155,19 +219,50 @@ pub(super) fn entrance(mesh: &mut Mesh, (front, bay): (&Facade, f32), style: &St
     front.slab(mesh, [width / 2.0, board_width], [z - half, z + half], out, board);
     let face = front.at(0.5, z, out + 0.005);
     lettering::write(mesh, &text, face, front.across().extend(0.0), [board_width, letter], board);
-    if is_shop && has(name, &["cafe", "bakery", "flower", "hotel"]) {
-        awning(mesh, front, z - half, board);
+    if let Some(part) = awning_part(front, around).filter(|_| has_awning) {
+        awning(mesh, &front.between(part), z - half, board);
     }
+}
+
+/// Lower edge of an awning, its slope and its hanging edge, and how far it reaches.
+const AWNING_HEM_M: f32 = 2.12;
+const AWNING_DROP_M: f32 = 0.34;
+const AWNING_HANGS_M: f32 = 0.16;
+const AWNING_OUT_M: f32 = 1.2;
+
+/// The longest part of a front, in shares of its width, before which an awning is clear of trees, lamps and the road.
+fn awning_part(front: &Facade, around: &Surroundings<'_>) -> Option<[f32; 2]> {
+    const STEP_M: f32 = 0.2;
+    const LEAST_M: f32 = 1.8;
+    const ENDS: f32 = 0.04;
+    let steps = ((1.0 - 2.0 * ENDS) * front.width() / STEP_M) as u32;
+    let share = |k: u32| ENDS + (1.0 - 2.0 * ENDS) * k as f32 / steps.max(1) as f32;
+    let is_clear = |k: u32| {
+        let outs = [0.4, 0.8, 1.2].map(|part| part * AWNING_OUT_M);
+        outs.into_iter().all(|out| !around.bars_an_awning(front.at(share(k), 0.0, out).truncate()))
+    };
+    let (mut longest, mut first) = ([0, 0], None);
+    for k in 0..=steps {
+        if !is_clear(k) {
+            first = None;
+            continue;
+        }
+        let from = *first.get_or_insert(k);
+        if k - from > longest[1] - longest[0] {
+            longest = [from, k];
+        }
+    }
+    let part = longest.map(share);
+    ((part[1] - part[0]) * front.width() > LEAST_M).then_some(part)
 }
 
 /// An awning over shop windows in the colour of the board: it slopes from the wall with a hanging edge.
 fn awning(mesh: &mut Mesh, front: &Facade, z: f32, board: Finish) {
-    const HANGS_M: f32 = 0.24;
     let striped = Finish { surface: Surface::Awning, ..board.shaded(1.1) };
     let stripes = (front.width() / 2.4).round().max(1.0);
-    let (a, b) = (front.at(0.04, z, 0.1), front.at(0.96, z, 0.1));
-    let drop = front.outward().extend(0.0) * 1.3 - Vec3::Z * 0.45;
-    let hem = drop - Vec3::Z * HANGS_M;
+    let (a, b) = (front.at(0.0, z, 0.1), front.at(1.0, z, 0.1));
+    let drop = front.outward().extend(0.0) * AWNING_OUT_M - Vec3::Z * AWNING_DROP_M;
+    let hem = drop - Vec3::Z * AWNING_HANGS_M;
     let mut both_sides = |corners: [Vec3; 4], v: [f32; 2]| {
         let uvs = [(0.0, v[0]), (stripes, v[0]), (stripes, v[1]), (0.0, v[1])].map(Vec2::from);
         mesh.face(&corners, &uvs, striped);

@@ -1,6 +1,7 @@
 //! Procedural buildings from footprints: storeys of windows, doors, signs, flat and gabled roofs, details by
 //! name.
 
+mod church;
 mod entrance;
 mod roof;
 mod side;
@@ -10,6 +11,7 @@ mod trimmings;
 pub(super) use style::DARK;
 pub(super) use trimmings::object as trimmings;
 
+use super::aprons::Gateway;
 use super::doorways::Doorway;
 use super::grounds::ring_of;
 use super::lanes::LaneBoxIndex;
@@ -25,34 +27,48 @@ const STOREY_M: f32 = 3.1;
 /// Depth of walls below the ground.
 const FOOT_M: f32 = 0.05;
 
+/// The ways into a building.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Doors {
+    pub(super) front: Option<Doorway>,
+    pub(super) back: Option<Doorway>,
+    pub(super) gates: Option<Gateway>,
+}
+
 /// Draws a building. Its front is not a side that other buildings block, and its door not where an obstacle
-/// blocks the way. `trim` gets what is too small to be seen from afar. Returns its door, unless it has gates.
+/// blocks the way. `trim` gets what is too small to be seen from afar. Returns its doors.
 pub(super) fn building(
     [mesh, trim]: [&mut Mesh; 2],
     place: &SeededScenery<'_>,
     lanes: &LaneBoxIndex<'_>,
     around: &Surroundings<'_>,
-) -> Option<Doorway> {
+) -> Doors {
     let ring = outline(place);
     if ring.len() < 3 {
-        return None;
+        return Doors::default();
     }
     let name = place.piece.name.to_lowercase();
     let height = height_of(place);
     if special::pavilion(mesh, &name, &ring, height) {
-        return None;
+        return Doors::default();
     }
     let sides: Vec<Facade> =
         (0..ring.len()).map(|k| Facade { from: ring[k], to: ring[(k + 1) % ring.len()] }).collect();
     let short = sides.iter().map(Facade::width).fold(f32::INFINITY, f32::min);
     let style = style::style(place, &name, short, height);
     let gabled = style.gabled && ring.len() == 4;
-    let rise = if gabled { rise_of(short, height) } else { 0.0 };
+    let rise = if gabled { rise_of(&name, short, height) } else { 0.0 };
     let eaves = height - rise;
     if gabled {
         roof::gable_roof([mesh, trim], &ring, (eaves, rise), &style, place);
     } else {
         roof::flat_roof(mesh, place, &ring, eaves);
+    }
+    if church::is_one(&name) {
+        sides.iter().for_each(|side| storeys(mesh, side, &style, (eaves, false), None));
+        special::additions(mesh, &name, &ring, height);
+        let portal = church::church([mesh, trim], &sides, &ring, [eaves, height]);
+        return Doors { front: Some(portal), ..Doors::default() };
     }
     let is_built = |at: Vec2| around.is_built(at, place.piece);
     // Sampling distance in front of a wall, as far as awnings and steps reach.
@@ -64,12 +80,18 @@ pub(super) fn building(
     }
     let front = entrance::front_of(&sides, &open, lanes, place.piece.front_rad);
     let bay = entrance::door_bay(&sides[front], &style, around);
+    let back = entrance::back_door(&sides, &open, front, &style, place, around);
     let below = roof::eaves_over(&ring, gabled);
     for (k, side) in sides.iter().enumerate() {
-        let windowless = (k == front).then(|| entrance::windowless(side, &style, bay));
+        let windowless = if k == front {
+            Some(entrance::windowless(side, &style, bay))
+        } else {
+            back.filter(|(side, _)| *side == k).map(|(_, bay)| entrance::bay_part(side, bay))
+        };
         storeys(mesh, side, &style, (eaves, below(k)), windowless);
     }
-    entrance::entrance(mesh, (&sides[front], bay), &style, &name, eaves);
+    entrance::entrance(mesh, (&sides[front], bay), &style, (&name, eaves), around);
+    let back_way = back.map(|(k, bay)| entrance::draw_back_door(mesh, (&sides[k], bay), &style));
     let drop = roof::overhang_drop(rise, short);
     let overhung: Vec<Option<f32>> = (0..sides.len()).map(|k| below(k).then_some(eaves - drop)).collect();
     let house = trimmings::House {
@@ -88,7 +110,13 @@ pub(super) fn building(
     special::additions(mesh, &name, &ring, height);
     let door = (bay + 0.5) / sides[front].bays();
     let at = sides[front].at(door, 0.0, 0.0).truncate();
-    style.gates.is_none().then(|| Doorway { at, out: sides[front].outward() })
+    let out = sides[front].outward();
+    let gates = Gateway { ends: [sides[front].from, sides[front].to], out };
+    Doors {
+        front: style.gates.is_none().then_some(Doorway { at, out }),
+        back: back_way,
+        gates: style.gates.map(|_| gates),
+    }
 }
 
 /// The corners of its footprint.
@@ -120,11 +148,16 @@ pub(super) fn price_board(place: &SeededScenery<'_>) -> Option<(Vec2, Vec2)> {
 }
 
 fn height_of(place: &SeededScenery<'_>) -> f32 {
-    place.piece.height_m.map_or(6.5 + 6.0 * place.hash_to_unit(9), |h| h as f32).clamp(2.2, 120.0)
+    let stated = place.piece.height_m.map_or(6.5 + 6.0 * place.hash_to_unit(9), |h| h as f32);
+    let share = if church::is_one(&place.piece.name.to_lowercase()) { church::NAVE } else { 1.0 };
+    (share * stated).clamp(2.2, 120.0)
 }
 
 /// Height of a gabled roof from eaves to ridge.
-fn rise_of(short_m: f32, height: f32) -> f32 {
+fn rise_of(name: &str, short_m: f32, height: f32) -> f32 {
+    if church::is_one(name) {
+        return church::STEEP * short_m;
+    }
     (0.42 * short_m).min(0.42 * height)
 }
 
@@ -138,7 +171,7 @@ pub(super) fn opaque_walls(place: &SeededScenery<'_>) -> Vec<Wall> {
     let short = sides().map(|(from, to)| from.distance(to)).fold(f32::INFINITY, f32::min);
     let height_m = height_of(place);
     // Up to the eaves, whatever the roof.
-    let height_m = height_m - rise_of(short, height_m);
+    let height_m = height_m - rise_of(&place.piece.name.to_lowercase(), short, height_m);
     sides().map(|(from, to)| Wall { from, to, height_m }).collect()
 }
 

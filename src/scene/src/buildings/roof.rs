@@ -121,7 +121,9 @@ pub(super) fn gable_roof(
     {
         let top = corners.map(|p| p + Vec3::Z * lift);
         mesh.face(&top, &uvs, style.tiles);
-        trimmings::roof_windows(trim, place, top, salt as u32);
+        if !style.is_church {
+            trimmings::roof_windows(trim, place, top, salt as u32);
+        }
         // Underside and fascia.
         let [p, q, r, s] = corners;
         let first = mesh.vertices.len();
@@ -142,6 +144,9 @@ pub(super) fn gable_roof(
         let first = mesh.vertices.len();
         mesh.plate(&corners, plain, 2.0);
         mesh.set_openness(first, 250);
+    }
+    if style.is_church {
+        return;
     }
     let at = ridge_a.lerp(ridge_b, 0.22 + 0.5 * place.hash_to_unit(12)) + out * (0.25 * half);
     let chimney = wall(Surface::Brick, [150, 96, 80]);

@@ -44,6 +44,8 @@ pub(super) struct Style {
     pub(super) tiles: Finish,
     pub(super) door: Finish,
     pub(super) gabled: bool,
+    /// Without storeys, chimney and roof windows.
+    pub(super) is_church: bool,
     /// A small roof over the door of a house.
     pub(super) has_porch: bool,
     pub(super) sign: Option<Finish>,
@@ -82,6 +84,7 @@ pub(super) fn style(place: &SeededScenery<'_>, name: &str, short_m: f32, height:
         tiles,
         door: wall(Surface::Door, pick(&DOORS, 7)),
         gabled: dwelling && short_m < 11.0 && height < 16.0,
+        is_church: false,
         has_porch: place.hash_to_unit(86) < 0.55,
         sign: None,
         gates: None,
@@ -93,20 +96,28 @@ pub(super) fn style(place: &SeededScenery<'_>, name: &str, short_m: f32, height:
         let brick = Finish { colour: BRICKS[0], ..sash };
         return Style { upper: brick, ground: brick, sign, gates: Some([196, 34, 30]), ..base };
     }
+    if super::church::is_one(name) {
+        let stone = wall(Surface::Concrete, [214, 204, 182]);
+        let tiles = wall(Surface::RoofTiles, TILES[2]);
+        return Style { upper: stone, ground: stone, tiles, is_church: true, ..base };
+    }
     if has(name, &["hose tower"]) {
         return Style { upper: BARE_BRICK, ground: BARE_BRICK, ..base };
     }
     if has(name, &["mill"]) {
         let brick = Finish { colour: BRICKS[0], ..sash };
-        return Style { upper: brick, ground: BARE_BRICK, gates: Some([74, 92, 84]), ..base };
+        return Style { upper: brick, ground: brick, gates: Some([74, 92, 84]), ..base };
     }
     if has(name, &["warehouse", "factory", "depot", "workshop"]) {
         let sheet = wall(Surface::Concrete, pick(&[[186, 190, 190], [170, 182, 188], [196, 188, 174]], 4));
         let upper = wall(Surface::Windows, sheet.colour);
-        return Style { upper, ground: sheet, sign, gates: Some([112, 124, 134]), ..base };
+        return Style { upper, ground: upper, sign, gates: Some([112, 124, 134]), ..base };
     }
-    if has(name, &["office", "department"]) {
-        let glazing = wall(Surface::Glazing, [214, 218, 220]);
+    let glazing = wall(Surface::Glazing, [214, 218, 220]);
+    if has(name, &["office"]) {
+        return Style { upper: glazing, ground: glazing, sign, ..base };
+    }
+    if has(name, &["department"]) {
         return Style { upper: glazing, ground: shop, sign, ..base };
     }
     if has(name, &["theatre", "hotel", "cinema"]) {

@@ -194,6 +194,8 @@ pub(super) fn roof_windows(mesh: &mut Mesh, place: &SeededScenery<'_>, slope: [V
 /// Depth of a bay window, and its half widths at the wall and in front, in bays.
 const BAY_OUT_M: f32 = 0.44;
 const BAY_HALF: [f32; 2] = [0.36, 0.25];
+/// Half of the part of a bay's pattern that its slanted sides show: the window without the wall beside it.
+const SIDE_HALF: f32 = 0.22;
 
 /// A bay window on the ground floor of some houses, in the bay farthest from the door; part of the house at all distances.
 pub(super) fn bay_window(mesh: &mut Mesh, house: &House<'_>, is_clear: impl Fn(Vec2) -> bool) {
@@ -219,16 +221,11 @@ pub(super) fn bay_window(mesh: &mut Mesh, house: &House<'_>, is_clear: impl Fn(V
     let front = [at(1, foot), at(2, foot), at(2, top), at(1, top)];
     let uvs = [u(-narrow), u(narrow), u(narrow) + up, u(-narrow) + up];
     mesh.shaded_face(&front, &uvs, style.ground, &[140, 140, 220, 220]);
+    // Narrow windows of the same kind in the slanted sides.
     for [a, b] in [[0, 1], [2, 3]] {
-        mesh.plate(&[at(a, foot), at(b, foot), at(b, top), at(a, top)], super::bare(style.ground), 2.0);
-        let on = |part: f32, z: f32| at(a, z).lerp(at(b, z), part) + outward(at(a, 0.0), at(b, 0.0)) * 0.012;
-        let (low, high) = (0.28 * house.storey, 0.80 * house.storey);
-        for (inset, out, finish) in [(0.10, 0.0, TRIM), (0.20, 0.008, PANE)] {
-            let z = [low + 0.4 * (inset - 0.10), high - 0.4 * (inset - 0.10)];
-            let push = outward(at(a, 0.0), at(b, 0.0)) * out;
-            let corners = [on(inset, z[0]), on(1.0 - inset, z[0]), on(1.0 - inset, z[1]), on(inset, z[1])];
-            mesh.plate(&corners.map(|corner| corner + push), finish, 2.0);
-        }
+        let uvs = [u(-SIDE_HALF), u(SIDE_HALF), u(SIDE_HALF) + up, u(-SIDE_HALF) + up];
+        let corners = [at(a, foot), at(b, foot), at(b, top), at(a, top)];
+        mesh.shaded_face(&corners, &uvs, style.ground, &[130, 130, 210, 210]);
     }
     // A lean-to roof, which juts out.
     let eave = |k: usize| {
@@ -240,9 +237,4 @@ pub(super) fn bay_window(mesh: &mut Mesh, house: &House<'_>, is_clear: impl Fn(V
     mesh.plate(&[eave(0), eave(1), ridge(1)], style.tiles, 2.0);
     mesh.plate(&[eave(2), eave(3), ridge(2)], style.tiles, 2.0);
     mesh.plate(&[eave(0), eave(3), eave(2), eave(1)], TRIM.shaded(0.7), 2.0);
-}
-
-/// Unit vector out of an upright face from its left to its right end.
-fn outward(left: Vec3, right: Vec3) -> Vec3 {
-    (right - left).cross(Vec3::Z).normalize_or(Vec3::X)
 }

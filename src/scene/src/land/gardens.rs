@@ -59,6 +59,9 @@ pub(super) struct Garden {
     width_m: f64,
     depth_m: f64,
     seed: u32,
+    /// Share of the width at which the path begins at the house: at a back door if there is one.
+    path: f64,
+    has_door: bool,
 }
 
 /// The gardens of a map, none before a door.
@@ -69,16 +72,27 @@ pub(super) fn gardens(map: &CityMap, field: &RoadField, roads: &[CountryRoad], w
         let behind = (0..ring.len()).filter_map(|k| {
             let (from, to) = (ring[k], ring[(k + 1) % ring.len()]);
             let along = (to - from).try_normalize()?;
+            let seed = GARDEN_SEEDS + 4 * index + k as u32;
+            let width_m = from.distance(to);
+            let on_wall = |door: DVec2| {
+                let (along_m, off_m) = ((door - from).dot(along), (door - from).perp_dot(along));
+                let is_there = off_m.abs() < 0.1 && (0.0..width_m).contains(&along_m);
+                is_there.then_some(along_m / width_m)
+            };
+            let door = ways.iter().filter_map(Way::back_door).find_map(on_wall);
             let garden = Garden {
+                path: door.unwrap_or(0.3 + 0.4 * f64::from(hash_to_unit(seed, 131))),
+                has_door: door.is_some(),
                 corner: from,
                 along,
                 out: -along.perp(),
-                width_m: from.distance(to),
+                width_m,
                 depth_m: DEPTHS_M[0],
-                seed: GARDEN_SEEDS + 4 * index + k as u32,
+                seed,
             };
             let has_room = |garden: &Garden| {
-                !ways.iter().any(|way| garden.contains(way.threshold()))
+                let mut fronts = ways.iter().filter(|way| way.back_door().is_none());
+                !fronts.any(|way| garden.contains(way.threshold()))
                     && garden.has_room(map, field, roads, piece, &gardens)
             };
             DEPTHS_M.map(|depth_m| Garden { depth_m, ..garden }).into_iter().find(has_room)
@@ -86,7 +100,8 @@ pub(super) fn gardens(map: &CityMap, field: &RoadField, roads: &[CountryRoad], w
         // The deepest one, and of these the one farthest from the street.
         let worth = |garden: &Garden| {
             let street_m = f64::from(field.distance.at(garden.place(0.5, 2.0)).min(20.0));
-            garden.depth_m + 0.3 * street_m + 0.1 * garden.width_m
+            let door_m = if garden.has_door { 4.0 } else { 0.0 };
+            garden.depth_m + 0.3 * street_m + 0.1 * garden.width_m + door_m
         };
         gardens.extend(behind.max_by(|a, b| worth(a).total_cmp(&worth(b))));
     }
@@ -174,17 +189,12 @@ impl Garden {
         ])
     }
 
-    /// Share of the width at which the path begins at the house.
-    fn path_at(&self) -> f64 {
-        0.3 + 0.4 * f64::from(self.hash(131))
-    }
-
     /// Lawn, path and beds.
     pub(super) fn ground(&self, mesh: &mut Mesh) {
         let lawn_m = GRASS_M + LAWN_M;
         let tone = 0.92 + 0.16 * self.hash(130);
         level(mesh, &self.rectangle([0.01, 0.99], [0.0, self.depth_m - 0.1]), lawn_m, LAWN.shaded(tone), 5.0);
-        let (path, half) = (self.path_at(), 0.55 / self.width_m);
+        let (path, half) = (self.path, 0.55 / self.width_m);
         let laid_m = lawn_m + LAID_M;
         level(
             mesh,
@@ -203,7 +213,7 @@ impl Garden {
 
     /// Whether the bed is at the far end of the wall, and the shed at its beginning.
     fn side(&self) -> bool {
-        self.path_at() < 0.5
+        self.path < 0.5
     }
 
     /// Fence, shed and tree.
@@ -257,7 +267,7 @@ impl Garden {
     ) -> SceneObject {
         let piece = Scenery { kind, name: String::new(), height_m, front_rad: None, shape };
         let place = SeededScenery { piece: &piece, seed: self.seed };
-        if kind == SceneryKind::Tree { nursery.tree(&place) } else { plants::hedge(&place, &[]) }
+        if kind == SceneryKind::Tree { nursery.tree(&place) } else { plants::hedge(&place, &[], &|_| true) }
     }
 
     fn fence(&self, mesh: &mut Mesh, line: &[DVec2]) {

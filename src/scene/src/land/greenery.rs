@@ -276,7 +276,8 @@ impl Greenery<'_> {
         };
         let CountryTree { at, seed, habit, in_wood, .. } = *tree;
         let radius_m = tree.radius_m as f32;
-        let tall_m = radius_m * (0.80 + 0.30 * hash_to_unit(seed, 76)) * low;
+        let slim = if in_wood { 0.80 } else { 0.64 };
+        let tall_m = radius_m * (slim + 0.30 * hash_to_unit(seed, 76)) * low;
         // Below the ground, which is level between its corners only; the trees of a wood hide their trunks.
         let sunk_m = if in_wood { 0.95 * tall_m } else { 0.3 };
         let foot = at.as_vec2().extend(self.ground_m(at) - sunk_m);

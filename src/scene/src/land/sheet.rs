@@ -24,7 +24,7 @@ const FINE_WITHIN_M: f64 = 380.0;
 const BESIDE_ROAD_M: f64 = 4.0;
 /// So far inside of a wood its ground begins: the trees at its edge hide the edge of that.
 const UNDER_TREES: f64 = 0.006;
-const FOREST_FLOOR: Finish = Finish { colour: [58, 64, 40], ..GRASS };
+const FOREST_FLOOR: Finish = Finish { colour: [76, 88, 50], ..GRASS };
 /// Colour of woods beyond the patchwork.
 const FAR_WOOD: [f32; 3] = [58.0, 76.0, 48.0];
 
