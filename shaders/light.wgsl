@@ -18,12 +18,15 @@ fn lamplight(world: vec3<f32>, normal: vec3<f32>) -> vec3<f32> {
     let at = (world.xy + normal.xy * 1.2) * frame.lamp_uv_from_world.xy + frame.lamp_uv_from_world.zw;
     let ground = textureSampleLevel(lamp_map, lamp_sampler, at, 0.0);
     let street = vec3<f32>(1.05, 0.80, 0.48) * ground.a;
-    // Headlights shine along the ground: they light neither high walls nor the tops of objects.
+    // Headlights shine along the ground: they light what stands, hardly the tops of objects, and little above their cut-off. Each
+    // vehicle of a queue adds less, for bodies stand between.
     let beams = max(ground.rgb - street, vec3<f32>(0.0));
+    let spread = 1.0 / (1.0 + 0.25 * beams.g);
     let raised = smoothstep(0.15, 0.5, world.z);
-    let low = (1.0 - smoothstep(0.6, 1.6, world.z)) * (1.0 - raised * clamp(normal.z, 0.0, 1.0));
+    let cut_off = mix(1.0, 0.12, smoothstep(0.7, 1.5, world.z)) * (1.0 - smoothstep(2.6, 4.5, world.z));
+    let low = spread * cut_off * (1.0 - raised * clamp(normal.z, 0.0, 1.0));
     let height = 1.0 - smoothstep(3.5, 8.5, world.z);
-    return (street * height + beams * low) * (frame.zenith.w * (0.62 + 0.38 * normal.z));
+    return (street * (height * (0.62 + 0.38 * normal.z)) + beams * low) * frame.zenith.w;
 }
 
 // Shadow map lookup with PCF: 1 in sunlight, 0 in shadow.
@@ -113,7 +116,7 @@ fn reflected_radiance(world: vec3<f32>, direction: vec3<f32>, roughness: f32) ->
     var street = frame.ground_light.rgb * (1.0 - 0.35 * smoothstep(-0.3, 0.1, direction.z));
     if lamplit {
         let at = (world.xy + direction.xy * 7.0) * frame.lamp_uv_from_world.xy + frame.lamp_uv_from_world.zw;
-        street += textureSampleLevel(lamp_map, lamp_sampler, at, 0.0).rgb * (0.3 * frame.zenith.w);
+        street += min(textureSampleLevel(lamp_map, lamp_sampler, at, 0.0).rgb, vec3<f32>(0.9)) * (0.3 * frame.zenith.w);
     }
     let blur = 0.03 + 0.5 * roughness;
     let open = smoothstep(0.17 - blur, 0.17 + blur, direction.z);
