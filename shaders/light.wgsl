@@ -103,6 +103,9 @@ struct Lit {
 // Roughness from which and to which reflections in screen space fade out.
 const SMOOTH: vec2<f32> = vec2<f32>(0.12, 0.42);
 
+// Roughness between which surfaces become matt at grazing angles.
+const MATT: vec2<f32> = vec2<f32>(0.80, 0.92);
+
 // Lookup in the environment map: hemi-octahedral mapping, mipmap level by roughness.
 fn sky_radiance(direction: vec3<f32>, roughness: f32) -> vec3<f32> {
     let up = max(direction.z, 0.0);
@@ -113,7 +116,9 @@ fn sky_radiance(direction: vec3<f32>, roughness: f32) -> vec3<f32> {
 
 // Environment reflection: sky above the roofs, colour of the street below them.
 fn reflected_radiance(world: vec3<f32>, direction: vec3<f32>, roughness: f32) -> vec3<f32> {
-    var street = frame.ground_light.rgb * (1.0 - 0.35 * smoothstep(-0.3, 0.1, direction.z));
+    // Walls and cars are greyer than the ground.
+    let ground = mix(frame.ground_light.rgb, vec3<f32>(luminance(frame.ground_light.rgb)), 0.6);
+    var street = ground * (1.0 - 0.35 * smoothstep(-0.3, 0.1, direction.z));
     if lamplit {
         let at = (world.xy + direction.xy * 7.0) * frame.lamp_uv_from_world.xy + frame.lamp_uv_from_world.zw;
         street += min(textureSampleLevel(lamp_map, lamp_sampler, at, 0.0).rgb, vec3<f32>(0.9)) * (0.3 * frame.zenith.w);
@@ -183,14 +188,16 @@ fn shade(m: PbrMaterial, world: vec3<f32>, normal: vec3<f32>, to_eye: vec3<f32>)
     let halfway = normalize(frame.to_sun.xyz + to_eye);
     let n_h = max(dot(normal, halfway), 0.0);
     let f0 = mix(vec3<f32>(0.04), m.albedo, m.metallic);
-    // Below 1: real surfaces ripple and reflect less at grazing angles than a perfect plane.
-    let f90 = 0.75 + 0.25 * m.metallic;
+    // Below 1: real surfaces ripple and reflect less at grazing angles than a perfect plane. Matt ones, of grained plastic or
+    // cloth, hide their grazing facets from one another.
+    let grain = smoothstep(MATT.x, MATT.y, m.roughness);
+    let f90 = mix(0.75 + 0.25 * m.metallic, 0.10, grain);
     let share = environment_brdf(m.roughness, n_v);
     let image = reflected_radiance(world, reflect(-to_eye, normal), m.roughness) * m.openness;
     let reflectance = f0 * share.x + f90 * share.y;
     let mirror = image * reflectance;
     let fresnel = f0 + (f90 - f0) * pow5(1.0 - dot(to_eye, halfway));
-    let glint = fresnel * (ggx_specular(n_h, n_l, n_v, m.roughness) * n_l * sun_seen);
+    let glint = fresnel * (ggx_specular(n_h, n_l, n_v, m.roughness) * n_l * sun_seen * (1.0 - 0.7 * grain));
     // Behind the clouds of rain the sun has no disc that wet ground or glass could mirror, and hardly one in fog.
     let disc_seen = 1.0 - min(2.0 * frame.shadow_texel.z, 1.0);
     direct += frame.sun.rgb * min(glint, vec3<f32>(12.0)) * disc_seen;
