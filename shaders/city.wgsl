@@ -201,6 +201,11 @@ fn emission(layer: u32, seed: u32, uv: vec2<f32>, texel: vec4<f32>) -> vec3<f32>
 // Sizes of a pixel in metres between which leaves at the outline fade to a solid crown.
 const LEAVES_FADE: vec2<f32> = vec2<f32>(0.025, 0.055);
 
+// Share of the sun's light from behind that a crown lets through. A leaf lets half as much through as it reflects (see the table of
+// docs/reference.md), and most of those that are seen from the shady side have other leaves between them and the sun.
+const LEAF_TRANSLUCENCE: f32 = 0.2;
+const NEEDLE_TRANSLUCENCE: f32 = 0.08;
+
 // Alpha to coverage: the density of leaves sets how many samples they cover, so that the outline of a crown is ragged.
 @fragment
 fn crown_fragment(in: Fragment) -> @location(0) vec4<f32> {
@@ -230,7 +235,7 @@ fn crown_pixel(in: Fragment) -> vec4<f32> {
     let bare = smoothstep(0.50, 0.78, in.colour.a);
     let least = 0.80 * near * bare * (1.0 - smoothstep(0.0, 0.65, dot(smooth_normal, to_eye)));
     let cover = clamp((0.35 * crown.height + 0.65 * sprays - least) * 12.0 + 0.5, 0.0, 1.0);
-    let leaf = PbrMaterial(crown.albedo * in.colour.rgb, in.colour.a, texel.a, 0.0, 0.4, 0.0);
+    let leaf = PbrMaterial(crown.albedo * in.colour.rgb, in.colour.a, texel.a, 0.0, LEAF_TRANSLUCENCE, 0.0);
     let seen = hdr_pixel(shade(leaf, in.world, crown.normal, to_eye), vec3<f32>(0.0), from_eye);
     return vec4<f32>(seen.radiance.rgb, cover);
 }
@@ -331,7 +336,7 @@ fn lit_pixel(in: Fragment) -> HdrPixel {
     }
     m.openness = in.colour.a;
     m.metallic = 0.0;
-    m.translucent = select(0.0, 0.4, layer == LEAVES || layer == NEEDLES);
+    m.translucent = select(0.0, select(LEAF_TRANSLUCENCE, NEEDLE_TRANSLUCENCE, layer == NEEDLES), layer == LEAVES || layer == NEEDLES);
     if wet > 0.0 {
         m = wet_pbr(m, in.world, wet);
     }
