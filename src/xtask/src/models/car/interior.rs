@@ -54,6 +54,15 @@ pub(super) fn interior(builder: &mut PrimitiveBuilder, shape: &CarShape) {
     let half = body::half_at(0.0) * 0.9;
     let corners = [(rear, -half), (front, -half), (front, half), (rear, half)];
     builder.plate(&corners.map(|(x, y)| Vec3::new(x, y, floor)), CARPET, 60);
+    // Housings of the rear wheels: through the arches one would see the road.
+    let axle = -super::WHEELBASE_M / 2.0;
+    if rear < axle && shape.rear != Rear::Cargo {
+        for side in [-1.0_f32, 1.0] {
+            let (inner, outer) = (side * 0.60, side * 0.93);
+            let low = Vec3::new(axle - 0.48, inner.min(outer), floor);
+            builder.block(low, Vec3::new(axle + 0.48, inner.max(outer), 0.84), CARPET, 90);
+        }
+    }
     let first = front - 1.14;
     let mut rows = vec![first];
     // A second row where there is a door for it.
