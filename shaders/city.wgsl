@@ -171,6 +171,22 @@ fn pane_normal(normal: vec3<f32>, seed: u32, pane: vec2<f32>) -> vec3<f32> {
 
 const PANE_TILT: f32 = 0.045;
 
+// Reflectance of those faces of a double pane that are behind the first one. A pane without a room behind it shows nothing else.
+const INNER_FACES: f32 = 0.09;
+
+// Atlas cells of letters along and up their layer, as in `lettering`; cells a pixel between which letters fade; and what the
+// texture of a board with letters has as its mean.
+const LETTER_CELLS: vec2<f32> = vec2<f32>(8.0, 5.0);
+const LETTERS_FADE: vec2<f32> = vec2<f32>(0.17, 0.34);
+const LETTERS_MEAN: f32 = 0.78;
+
+// Letters whose strokes are finer than a pixel become the mean of their board.
+fn faded_letters(uv: vec2<f32>, uv_dx: vec4<f32>) -> vec3<f32> {
+    let sharp = textureSampleGrad(surfaces, surface_sampler, uv, LETTERS, uv_dx.xy, uv_dx.zw).rgb;
+    let cells = max(length(uv_dx.xz) * LETTER_CELLS.x, length(uv_dx.yw) * LETTER_CELLS.y);
+    return mix(sharp, vec3<f32>(LETTERS_MEAN), smoothstep(LETTERS_FADE.x, LETTERS_FADE.y, cells));
+}
+
 // Emission at night: lamps, and lit rooms behind some of the windows.
 fn emission(layer: u32, seed: u32, uv: vec2<f32>, texel: vec4<f32>) -> vec3<f32> {
     if !lamplit {
@@ -269,6 +285,9 @@ fn lit_pixel(in: Fragment) -> HdrPixel {
         }
     }
     var pattern = texel.rgb;
+    if layer == LETTERS {
+        pattern = faded_letters(uv, uv_dx);
+    }
     if detail {
         let ground = select(ASPHALT, GRASS, layer == GRASS);
         let broad = textureSample(surfaces, surface_sampler, in.world.xy * 0.021 + 0.37, ground).g;
@@ -341,6 +360,10 @@ fn lit_pixel(in: Fragment) -> HdrPixel {
         m = wet_pbr(m, in.world, wet);
     }
     let from_eye = in.world - view.eye.xyz;
+    if layer == GLASS {
+        let mirrored = reflected_radiance(in.world, reflect(normalize(from_eye), normal), m.roughness);
+        daylit = mirrored * (INNER_FACES * in.colour.a);
+    }
     let lit = shade(m, in.world, normal, -normalize(from_eye));
     var glow = emission(in.layer, wall_seed(in.seed, in.normal), in.uv, texel);
     if room.a > 0.0 {
