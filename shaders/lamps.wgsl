@@ -99,7 +99,7 @@ fn beam(at: vec2<f32>) -> f32 {
     let cone = 0.30 * exp(-aside * 6.0) + 0.70 * exp(-aside * 30.0);
     let fall = 1.0 / (1.0 + at.x * at.x / 420.0);
     let cut_off_m = mix(25.0, 39.0, smoothstep(-0.05, 0.14, -slope));
-    return cone * fall * smoothstep(0.4, 7.0, at.x) * (1.0 - smoothstep(0.6 * cut_off_m, cut_off_m, at.x));
+    return cone * fall * smoothstep(0.0, 5.5, at.x) * (1.0 - smoothstep(0.6 * cut_off_m, cut_off_m, at.x));
 }
 
 @fragment
