@@ -14,9 +14,9 @@ const WHEEL: StaticMaterial = StaticMaterial::new("steering_wheel", [24, 24, 26]
 const SKIN: StaticMaterial = StaticMaterial::new("skin", [206, 160, 132]);
 const HAIR: StaticMaterial = StaticMaterial::new("hair", [62, 44, 34]);
 const SHIRT: StaticMaterial = StaticMaterial::new("shirt", [92, 116, 150]);
-const EYE: StaticMaterial = StaticMaterial::new("eye", [226, 222, 216]);
-const PUPIL: StaticMaterial = StaticMaterial::new("pupil", [34, 28, 26]);
-const LIPS: StaticMaterial = StaticMaterial::new("lips", [158, 84, 78]);
+const EYE: StaticMaterial = StaticMaterial::new("skin.eye", [226, 222, 216]);
+const PUPIL: StaticMaterial = StaticMaterial::new("skin.pupil", [34, 28, 26]);
+const LIPS: StaticMaterial = StaticMaterial::new("skin.lips", [158, 84, 78]);
 /// Little of the sky's light comes in.
 pub(super) const INSIDE: u8 = 150;
 
