@@ -263,10 +263,10 @@ fn wipers(builder: &mut PrimitiveBuilder, shape: &CarShape, top: &[Vec3], foot: 
     let up = (top[5] - foot[5]).normalize_or(Vec3::Z);
     let out = up.cross(Vec3::NEG_Y);
     let on = |share: f32, height_m: f32| windscreen_foot_at(shape, share) + up * height_m;
-    const PARTS: u8 = 3;
+    const PARTS: u8 = 2;
     for [pivot, heel, tip] in [[0.86, 0.82, -0.08], [-0.02, -0.06, -0.86]] {
         let at = |part: f32| heel + (tip - heel) * part;
-        let blade = |part: u8| on(at(f32::from(part) / f32::from(PARTS)), 0.040 + 0.003 * f32::from(part));
+        let blade = |part: u8| on(at(f32::from(part) / f32::from(PARTS)), 0.040 + 0.004 * f32::from(part));
         for part in 0..PARTS {
             wiper_bar(builder, [blade(part), blade(part + 1)], out, (0.006, [0.003, 0.016]));
         }
