@@ -171,6 +171,22 @@ fn pane_normal(normal: vec3<f32>, seed: u32, pane: vec2<f32>) -> vec3<f32> {
 
 const PANE_TILT: f32 = 0.045;
 
+// Reflectance of those faces of a double pane that are behind the first one. A pane without a room behind it shows nothing else.
+const INNER_FACES: f32 = 0.09;
+
+// Atlas cells of letters along and up their layer, as in `lettering`; cells a pixel between which letters fade; and what the
+// texture of a board with letters has as its mean.
+const LETTER_CELLS: vec2<f32> = vec2<f32>(8.0, 5.0);
+const LETTERS_FADE: vec2<f32> = vec2<f32>(0.17, 0.34);
+const LETTERS_MEAN: f32 = 0.78;
+
+// Letters whose strokes are finer than a pixel become the mean of their board.
+fn faded_letters(uv: vec2<f32>, uv_dx: vec4<f32>) -> vec3<f32> {
+    let sharp = textureSampleGrad(surfaces, surface_sampler, uv, LETTERS, uv_dx.xy, uv_dx.zw).rgb;
+    let cells = max(length(uv_dx.xz) * LETTER_CELLS.x, length(uv_dx.yw) * LETTER_CELLS.y);
+    return mix(sharp, vec3<f32>(LETTERS_MEAN), smoothstep(LETTERS_FADE.x, LETTERS_FADE.y, cells));
+}
+
 // Emission at night: lamps, and lit rooms behind some of the windows.
 fn emission(layer: u32, seed: u32, uv: vec2<f32>, texel: vec4<f32>) -> vec3<f32> {
     if !lamplit {
@@ -201,6 +217,11 @@ fn emission(layer: u32, seed: u32, uv: vec2<f32>, texel: vec4<f32>) -> vec3<f32>
 // Sizes of a pixel in metres between which leaves at the outline fade to a solid crown.
 const LEAVES_FADE: vec2<f32> = vec2<f32>(0.025, 0.055);
 
+// Share of the sun's light from behind that a crown lets through. A leaf lets half as much through as it reflects (see the table of
+// docs/reference.md), and most of those that are seen from the shady side have other leaves between them and the sun.
+const LEAF_TRANSLUCENCE: f32 = 0.2;
+const NEEDLE_TRANSLUCENCE: f32 = 0.08;
+
 // Alpha to coverage: the density of leaves sets how many samples they cover, so that the outline of a crown is ragged.
 @fragment
 fn crown_fragment(in: Fragment) -> @location(0) vec4<f32> {
@@ -230,7 +251,7 @@ fn crown_pixel(in: Fragment) -> vec4<f32> {
     let bare = smoothstep(0.50, 0.78, in.colour.a);
     let least = 0.80 * near * bare * (1.0 - smoothstep(0.0, 0.65, dot(smooth_normal, to_eye)));
     let cover = clamp((0.35 * crown.height + 0.65 * sprays - least) * 12.0 + 0.5, 0.0, 1.0);
-    let leaf = PbrMaterial(crown.albedo * in.colour.rgb, in.colour.a, texel.a, 0.0, 0.4, 0.0);
+    let leaf = PbrMaterial(crown.albedo * in.colour.rgb, in.colour.a, texel.a, 0.0, LEAF_TRANSLUCENCE, 0.0);
     let seen = hdr_pixel(shade(leaf, in.world, crown.normal, to_eye), vec3<f32>(0.0), from_eye);
     return vec4<f32>(seen.radiance.rgb, cover);
 }
@@ -264,6 +285,9 @@ fn lit_pixel(in: Fragment) -> HdrPixel {
         }
     }
     var pattern = texel.rgb;
+    if layer == LETTERS {
+        pattern = faded_letters(uv, uv_dx);
+    }
     if detail {
         let ground = select(ASPHALT, GRASS, layer == GRASS);
         let broad = textureSample(surfaces, surface_sampler, in.world.xy * 0.021 + 0.37, ground).g;
@@ -331,11 +355,15 @@ fn lit_pixel(in: Fragment) -> HdrPixel {
     }
     m.openness = in.colour.a;
     m.metallic = 0.0;
-    m.translucent = select(0.0, 0.4, layer == LEAVES || layer == NEEDLES);
+    m.translucent = select(0.0, select(LEAF_TRANSLUCENCE, NEEDLE_TRANSLUCENCE, layer == NEEDLES), layer == LEAVES || layer == NEEDLES);
     if wet > 0.0 {
         m = wet_pbr(m, in.world, wet);
     }
     let from_eye = in.world - view.eye.xyz;
+    if layer == GLASS {
+        let mirrored = reflected_radiance(in.world, reflect(normalize(from_eye), normal), m.roughness);
+        daylit = mirrored * (INNER_FACES * in.colour.a);
+    }
     let lit = shade(m, in.world, normal, -normalize(from_eye));
     var glow = emission(in.layer, wall_seed(in.seed, in.normal), in.uv, texel);
     if room.a > 0.0 {

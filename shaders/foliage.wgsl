@@ -40,12 +40,12 @@ fn outermost_leaf(at: vec2<f32>) -> Leaf {
         if abs(length) < 1.0 && abs(across) < half_width && height > leaf.height {
             let side = across / half_width;
             let vein = 1.0 - smoothstep(0.02, 0.10, abs(across) / 0.36);
-            let light = (0.70 + 1.10 * more.x) * (0.94 + 0.10 * side) + 0.10 * vein;
+            let light = (0.64 + 1.00 * more.x) * (0.94 + 0.10 * side) + 0.10 * vein;
             // Young leaves are yellower.
             let tint = mix(vec3<f32>(0.92, 1.0, 0.96), vec3<f32>(1.22, 1.06, 0.72), more.y * more.y);
             // Folded along the vein, and drooping to the tip.
             let fold = vec2<f32>(-ahead.y, ahead.x) * (0.35 * sign(side));
-            let droop = ahead * (0.55 * length) + (more.yz - 0.5) * 1.5;
+            let droop = ahead * (0.55 * length) + (more.yz - 0.5) * 1.2;
             leaf = Leaf(light * tint, fold + droop, height);
         }
     }
@@ -67,17 +67,42 @@ fn foliage_seen(uv_dx: vec4<f32>, per_repeat: f32) -> f32 {
     return 1.0 - smoothstep(LEAF_FADE.x, LEAF_FADE.y, sqrt(area) * per_repeat);
 }
 
-// Needles along a repeat of the texture.
-const NEEDLES_A_REPEAT: f32 = 42.0;
+// Twigs of conifers along a repeat of the texture, pairs of needles along a twig, and how far they lean to its tip.
+const TWIGS_A_REPEAT: f32 = 15.0;
+const NEEDLES_A_TWIG: f32 = 4.5;
+const NEEDLE_LEAN: f32 = 1.3;
 
-// The outermost of the needles around a place.
-fn outermost_needle(at: vec2<f32>) -> Leaf {
-    let low = blades(at, 51u);
-    let high = blades(at * 1.37 + 0.5, 57u);
-    let needle = select(low, high, high.w > 0.8 * low.w);
-    let light = 0.55 + 1.60 * needle.w;
-    let tint = mix(vec3<f32>(0.90, 1.0, 1.02), vec3<f32>(1.12, 1.06, 0.86), needle.z);
-    return Leaf(light * tint, needle.xy, needle.w);
+// The outermost of the twigs around a place, in twigs: they hang, with needles to both sides. `needles_seen` fades the needles.
+fn outermost_twig(at: vec2<f32>, needles_seen: f32) -> Leaf {
+    let cell = vec2<i32>(floor(at));
+    let part = at - floor(at);
+    var twig = Leaf(vec3<f32>(0.36, 0.40, 0.42), vec2<f32>(0.0), 0.0);
+    for (var k = 0; k < 18; k++) {
+        // Two to a cell.
+        let near = vec2<i32>(k % 3, (k / 3) % 3) - 1;
+        let salt = 51u + 2u * u32(k / 9);
+        let dice = cell_dice(cell + near, salt);
+        let more = cell_dice(cell + near, salt + 1u);
+        let away = part - vec2<f32>(near) - dice.xy;
+        let turn = (dice.z - 0.5) * 1.9;
+        let ahead = vec2<f32>(sin(turn), -cos(turn));
+        let length = dot(away, ahead) / 0.98;
+        let across = dot(away, vec2<f32>(-ahead.y, ahead.x));
+        let needle = abs(fract(NEEDLES_A_TWIG * (length - NEEDLE_LEAN * abs(across))) * 2.0 - 1.0);
+        let half_width = 0.36 * (1.0 - length * length * length * length) * (1.0 - 0.40 * length) * (1.0 - 0.55 * needle * needles_seen);
+        let height = 0.2 + 0.8 * more.x - 0.15 * length * length;
+        if abs(length) < 1.0 && abs(across) < half_width && height > twig.height {
+            let grain = mix(0.94, 0.50 + 0.80 * (1.0 - needle), needles_seen);
+            // The young end is lighter, and lies out.
+            let light = (0.72 + 0.50 * more.x + 0.30 * max(length, 0.0)) * grain;
+            let stem = (1.0 - smoothstep(0.012, 0.030, abs(across))) * (1.0 - smoothstep(0.2, 0.8, length)) * needles_seen;
+            let tint = mix(vec3<f32>(0.92, 1.0, 1.03), vec3<f32>(1.12, 1.07, 0.84), more.y * max(length, 0.0));
+            let tone = mix(light * tint, vec3<f32>(0.95, 0.72, 0.55), 0.6 * stem);
+            let side = vec2<f32>(-ahead.y, ahead.x) * (0.35 * across / max(half_width, 1e-3));
+            twig = Leaf(tone, side + ahead * (0.45 * length) + (more.yz - 0.5) * 0.5, height);
+        }
+    }
+    return twig;
 }
 
 // Albedo and normal of foliage, and how far out it lies.
@@ -97,15 +122,16 @@ fn near_foliage(far: Foliage, layer: u32, uv: vec2<f32>, dx: array<vec3<f32>, 2>
     let axes = surface_axes(far.normal, dx, uv_dx);
     // Each spray faces its own way, and hides the light from what lies between.
     let spray = stones(uv * SPRAYS_A_REPEAT, 61u);
-    let shaded = mix(1.0, 0.80 + 0.36 * spray.w + 0.40 * (spray.z - 0.5), spray_seen);
+    let shaded = mix(1.0, 0.74 + 0.34 * spray.w + 0.40 * (spray.z - 0.5), spray_seen);
     let turned = normalize(far.normal + axes * (spray.xy * (1.1 * spray_seen)));
-    let seen = foliage_seen(uv_dx, LEAVES_A_REPEAT);
+    let is_conifer = layer == NEEDLES;
+    let seen = foliage_seen(uv_dx, select(LEAVES_A_REPEAT, TWIGS_A_REPEAT, is_conifer));
     if seen <= 0.0 {
         return Foliage(far.albedo * shaded, turned, far.height);
     }
     var leaf: Leaf;
-    if layer == NEEDLES {
-        leaf = outermost_needle(uv * NEEDLES_A_REPEAT);
+    if is_conifer {
+        leaf = outermost_twig(uv * TWIGS_A_REPEAT, foliage_seen(uv_dx, TWIGS_A_REPEAT * NEEDLES_A_TWIG));
     } else {
         leaf = outermost_leaf(uv * LEAVES_A_REPEAT);
     }

@@ -75,10 +75,15 @@ struct Vehicle {
     @location(10) list: vec2<u32>,
 }
 
+// Ends of the area that a vehicle lights, body frame, and half its width there, metres.
+const LIT_BEHIND: vec2<f32> = vec2<f32>(-8.0, 4.5);
+const LIT_AHEAD: vec2<f32> = vec2<f32>(42.0, 10.0);
+
 @vertex
 fn beam_vertex(in: Vehicle) -> Spot {
     let c = corner_of(in.corner);
-    let at = vec2<f32>(12.0 + c.x * 20.0, c.y * 9.0);
+    let end = select(LIT_BEHIND, LIT_AHEAD, c.x > 0.0);
+    let at = vec2<f32>(end.x, c.y * end.y);
     let local = vec4<f32>(at, 0.0, 1.0);
     let place = vec2<f32>(dot(in.row_x, local), dot(in.row_y, local));
     let nose = vec4<f32>(in.half_size.x, 0.0, 0.0, 1.0);
@@ -86,23 +91,30 @@ fn beam_vertex(in: Vehicle) -> Spot {
     return Spot(on_map(place), at, vec3<f32>(in.half_size.xy, in.lamps.x), lens, place, in.list);
 }
 
-// Headlight, `at` metres from its lens: wide nearby, with a bright patch ahead.
+// Dipped headlight of right-hand traffic, `at` metres from its lens: a wide pool nearby and a narrow one ahead. The cut-off
+// meets the road farther away on the kerb's side.
 fn beam(at: vec2<f32>) -> f32 {
-    let x = max(at.x, 0.01);
-    let slope = at.y / (x + 0.8);
-    let cone = exp(-slope * slope * 7.0);
-    let fall = 1.0 / (1.0 + x * x / 110.0);
-    return cone * fall * smoothstep(0.2, 3.0, at.x) * (1.0 - smoothstep(13.0, 27.0, at.x));
+    let slope = at.y / (max(at.x, 0.01) + 1.5);
+    let aside = slope * slope;
+    let cone = 0.30 * exp(-aside * 6.0) + 0.70 * exp(-aside * 30.0);
+    let fall = 1.0 / (1.0 + at.x * at.x / 420.0);
+    let cut_off_m = mix(25.0, 39.0, smoothstep(-0.05, 0.14, -slope));
+    return cone * fall * smoothstep(0.0, 5.5, at.x) * (1.0 - smoothstep(0.6 * cut_off_m, cut_off_m, at.x));
 }
 
 @fragment
 fn beam_fragment(in: Spot) -> @location(0) vec4<f32> {
     let side = in.size.y * 0.75;
     let x = in.at.x - in.size.x;
-    let ahead = beam(vec2<f32>(x, in.at.y - side)) + beam(vec2<f32>(x, in.at.y + side));
+    let part = (in.at.x - LIT_BEHIND.x) / (LIT_AHEAD.x - LIT_BEHIND.x);
+    let inside = 1.0 - smoothstep(0.45, 1.0, abs(in.at.y) / mix(LIT_BEHIND.y, LIT_AHEAD.y, part));
+    let ahead = (beam(vec2<f32>(x, in.at.y - side)) + beam(vec2<f32>(x, in.at.y + side))) * inside;
     let behind = -in.at.x - in.size.x;
     let tail = exp(-(behind * behind + in.at.y * in.at.y * 0.6)) * smoothstep(-0.4, 0.3, behind);
-    let light = vec3<f32>(0.95, 0.92, 0.84) * ahead * 0.85
+    let light = vec3<f32>(1.0, 0.90, 0.74) * ahead * HEADLIGHT
         + vec3<f32>(1.0, 0.05, 0.03) * tail * (0.22 + 0.7 * in.size.z);
     return vec4<f32>(select(vec3<f32>(0.0), light, is_unoccluded(in)), 0.0);
 }
+
+// Light of one headlight on the road, before what its distance takes; a street lamp has 0.64 at its foot.
+const HEADLIGHT: f32 = 2.4;

@@ -18,12 +18,15 @@ fn lamplight(world: vec3<f32>, normal: vec3<f32>) -> vec3<f32> {
     let at = (world.xy + normal.xy * 1.2) * frame.lamp_uv_from_world.xy + frame.lamp_uv_from_world.zw;
     let ground = textureSampleLevel(lamp_map, lamp_sampler, at, 0.0);
     let street = vec3<f32>(1.05, 0.80, 0.48) * ground.a;
-    // Headlights shine along the ground: they light neither high walls nor the tops of objects.
+    // Headlights shine along the ground: they light what stands, hardly the tops of objects, and little above their cut-off. Each
+    // vehicle of a queue adds less, for bodies stand between.
     let beams = max(ground.rgb - street, vec3<f32>(0.0));
+    let spread = 1.0 / (1.0 + 0.25 * beams.g);
     let raised = smoothstep(0.15, 0.5, world.z);
-    let low = (1.0 - smoothstep(0.6, 1.6, world.z)) * (1.0 - raised * clamp(normal.z, 0.0, 1.0));
+    let cut_off = mix(1.0, 0.12, smoothstep(0.7, 1.5, world.z)) * (1.0 - smoothstep(2.6, 4.5, world.z));
+    let low = spread * cut_off * (1.0 - raised * clamp(normal.z, 0.0, 1.0));
     let height = 1.0 - smoothstep(3.5, 8.5, world.z);
-    return (street * height + beams * low) * (frame.zenith.w * (0.62 + 0.38 * normal.z));
+    return (street * (height * (0.62 + 0.38 * normal.z)) + beams * low) * frame.zenith.w;
 }
 
 // Shadow map lookup with PCF: 1 in sunlight, 0 in shadow.
@@ -100,6 +103,9 @@ struct Lit {
 // Roughness from which and to which reflections in screen space fade out.
 const SMOOTH: vec2<f32> = vec2<f32>(0.12, 0.42);
 
+// Roughness between which surfaces become matt at grazing angles.
+const MATT: vec2<f32> = vec2<f32>(0.80, 0.92);
+
 // Lookup in the environment map: hemi-octahedral mapping, mipmap level by roughness.
 fn sky_radiance(direction: vec3<f32>, roughness: f32) -> vec3<f32> {
     let up = max(direction.z, 0.0);
@@ -110,10 +116,12 @@ fn sky_radiance(direction: vec3<f32>, roughness: f32) -> vec3<f32> {
 
 // Environment reflection: sky above the roofs, colour of the street below them.
 fn reflected_radiance(world: vec3<f32>, direction: vec3<f32>, roughness: f32) -> vec3<f32> {
-    var street = frame.ground_light.rgb * (1.0 - 0.35 * smoothstep(-0.3, 0.1, direction.z));
+    // Walls and cars are greyer than the ground.
+    let ground = mix(frame.ground_light.rgb, vec3<f32>(luminance(frame.ground_light.rgb)), 0.6);
+    var street = ground * (1.0 - 0.35 * smoothstep(-0.3, 0.1, direction.z));
     if lamplit {
         let at = (world.xy + direction.xy * 7.0) * frame.lamp_uv_from_world.xy + frame.lamp_uv_from_world.zw;
-        street += textureSampleLevel(lamp_map, lamp_sampler, at, 0.0).rgb * (0.3 * frame.zenith.w);
+        street += min(textureSampleLevel(lamp_map, lamp_sampler, at, 0.0).rgb, vec3<f32>(0.9)) * (0.3 * frame.zenith.w);
     }
     let blur = 0.03 + 0.5 * roughness;
     let open = smoothstep(0.17 - blur, 0.17 + blur, direction.z);
@@ -180,14 +188,16 @@ fn shade(m: PbrMaterial, world: vec3<f32>, normal: vec3<f32>, to_eye: vec3<f32>)
     let halfway = normalize(frame.to_sun.xyz + to_eye);
     let n_h = max(dot(normal, halfway), 0.0);
     let f0 = mix(vec3<f32>(0.04), m.albedo, m.metallic);
-    // Below 1: real surfaces ripple and reflect less at grazing angles than a perfect plane.
-    let f90 = 0.75 + 0.25 * m.metallic;
+    // Below 1: real surfaces ripple and reflect less at grazing angles than a perfect plane. Matt ones, of grained plastic or
+    // cloth, hide their grazing facets from one another.
+    let grain = smoothstep(MATT.x, MATT.y, m.roughness);
+    let f90 = mix(0.75 + 0.25 * m.metallic, 0.10, grain);
     let share = environment_brdf(m.roughness, n_v);
     let image = reflected_radiance(world, reflect(-to_eye, normal), m.roughness) * m.openness;
     let reflectance = f0 * share.x + f90 * share.y;
     let mirror = image * reflectance;
     let fresnel = f0 + (f90 - f0) * pow5(1.0 - dot(to_eye, halfway));
-    let glint = fresnel * (ggx_specular(n_h, n_l, n_v, m.roughness) * n_l * sun_seen);
+    let glint = fresnel * (ggx_specular(n_h, n_l, n_v, m.roughness) * n_l * sun_seen * (1.0 - 0.7 * grain));
     // Behind the clouds of rain the sun has no disc that wet ground or glass could mirror, and hardly one in fog.
     let disc_seen = 1.0 - min(2.0 * frame.shadow_texel.z, 1.0);
     direct += frame.sun.rgb * min(glint, vec3<f32>(12.0)) * disc_seen;

@@ -11,6 +11,8 @@ override target_is_srgb: bool = false;
 // Depth of the darkest and the brightest grey, metres; between them the scale is logarithmic.
 const FAR_M: f32 = 200.0;
 const NEAR_M: f32 = 1.0;
+// The sky has no depth: a colour that is none of the greys, that of its class.
+const SKY: vec3<f32> = vec3<f32>(70.0, 130.0, 180.0) / 255.0;
 
 @vertex
 fn vertex_main(@builtin(vertex_index) corner: u32) -> @builtin(position) vec4<f32> {
@@ -20,7 +22,7 @@ fn vertex_main(@builtin(vertex_index) corner: u32) -> @builtin(position) vec4<f3
 
 fn depth_colour(depth_m: f32) -> vec3<f32> {
     if depth_m < 0.0 {
-        return vec3<f32>(0.0);
+        return SKY;
     }
     let far = log(clamp(depth_m, NEAR_M, FAR_M) / NEAR_M) / log(FAR_M / NEAR_M);
     return vec3<f32>(1.0 - 0.92 * far);

@@ -185,6 +185,7 @@ fn surface_constants() -> String {
         ("LETTERS", Surface::Letters),
         ("NEEDLES", Surface::Needles),
         ("CAR_PAINT", Surface::CarPaint),
+        ("GLASS", Surface::Glass),
         ("LANTERN", Surface::Lantern),
         ("BOUTIQUE", Surface::Boutique),
         ("TEAROOM", Surface::Tearoom),

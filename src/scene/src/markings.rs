@@ -47,6 +47,8 @@ pub(super) struct RoadMarkings {
     dashes: Vec<Vec<Pose2>>,
     /// Middle lines of double lines.
     doubles: Vec<Vec<Pose2>>,
+    /// Dots that guide through junctions.
+    guides: Vec<[Pose2; 2]>,
     /// Stop lines, yield triangles, arrows.
     figures: PaintedSymbols,
 }
@@ -94,10 +96,13 @@ impl RoadMarkings {
                 ControlLineKind::Yield => yield_triangles(&mut figures, driving, line.ends),
             }
         }
-        for (bar, width_m) in crossings.iter().flat_map(|crossing| crossing.bars(field)) {
-            figures.bar(bar, width_m);
+        let bars: Vec<([DVec2; 2], f64)> =
+            crossings.iter().flat_map(|crossing| crossing.bars(field)).collect();
+        for (bar, width_m) in &bars {
+            figures.bar(*bar, *width_m);
         }
-        Self { edges: field.distance.contours(-0.04), dashes, doubles, figures }
+        let guides = guide_lines(map, &bars);
+        Self { edges: field.distance.contours(-0.04), dashes, doubles, guides, figures }
     }
 
     /// The mesh of all markings within a tolerance.
@@ -110,6 +115,11 @@ impl RoadMarkings {
         }
         for line in &self.doubles {
             double_line(&mut mesh, &thinned(line, within));
+        }
+        if error_m < LEVELS[1] {
+            for dot in &self.guides {
+                ribbon(&mut mesh, dot, 0.0, LINE_M, [MARGIN * LINE_M / 2.0; 2], WHITE);
+            }
         }
         mesh.append(if error_m < LEVELS[2] { &self.figures.near } else { &self.figures.far });
         mesh
@@ -192,6 +202,44 @@ fn add_dashes(dashes: &mut Vec<Vec<Pose2>>, map: &CityMap, lane: &Lane) {
         }
         from += DASH_M + GAP_M;
     }
+}
+
+/// Dotted lines that guide who turns left across a junction: on the left of its way, from the centre line of one street to
+/// that of the other. Crossings have none on them.
+fn guide_lines(map: &CityMap, bars: &[([DVec2; 2], f64)]) -> Vec<[Pose2; 2]> {
+    const DOT_M: f64 = 0.6;
+    const PITCH_M: f64 = 1.5;
+    /// Least length of a way; and how far its line stays from its ends, where stop lines are.
+    const LEAST_M: f64 = 12.0;
+    const ENDS_M: f64 = 1.2;
+    let is_barred = |at: DVec2| {
+        bars.iter().any(|([from, to], width_m)| {
+            let along = *to - *from;
+            let share = ((at - *from).dot(along) / along.length_squared().max(1e-9)).clamp(0.0, 1.0);
+            at.distance(*from + along * share) < width_m / 2.0 + DOT_M
+        })
+    };
+    let mut dots = Vec::new();
+    for way in map.lanes.iter().filter(|lane| lane.kind == LaneKind::Connector) {
+        let curve = &way.curve;
+        let turned = wrap_angle(curve.end().yaw_rad - curve.start().yaw_rad);
+        if curve.length() < LEAST_M || !(1.0..2.2).contains(&turned) {
+            continue;
+        }
+        let beside = |s: f64| {
+            let pose = curve.at(s).pose;
+            Pose2::at(pose.point_at(0.0, way.width_m / 2.0), pose.yaw_rad)
+        };
+        let mut from = ENDS_M;
+        while from + DOT_M < curve.length() - ENDS_M {
+            let dot = [beside(from), beside(from + DOT_M)];
+            if !dot.iter().any(|pose| is_barred(pose.position)) {
+                dots.push(dot);
+            }
+            from += PITCH_M;
+        }
+    }
+    dots
 }
 
 fn double_line(mesh: &mut Mesh, line: &[Pose2]) {

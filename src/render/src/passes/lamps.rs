@@ -14,7 +14,7 @@ const FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rgba16Float;
 const MARGIN_M: f32 = 18.0;
 /// Reach of the light of street lamps and of vehicles.
 pub(crate) const LAMP_REACH_M: f32 = 17.0;
-const BEAM_REACH_M: f32 = 32.0;
+const BEAM_REACH_M: f32 = 44.0;
 /// Lower walls block no light.
 const LOWEST_WALL_M: f32 = 2.5;
 

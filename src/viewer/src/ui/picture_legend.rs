@@ -49,7 +49,9 @@ pub fn words(kind: PictureKind) -> String {
     match kind {
         PictureKind::Rgb => String::new(),
         PictureKind::Depth => {
-            format!("Depth: {NEAR_M:.0} m and nearer is white, {FAR_M:.0} m and farther dark; logarithmic")
+            format!(
+                "Depth: {NEAR_M:.0} m and nearer is white, {FAR_M:.0} m and farther dark; logarithmic. The sky is blue"
+            )
         }
         PictureKind::Semantic => {
             let names = Class::ALL.map(Class::name).join(", ");

@@ -129,16 +129,24 @@ pub(super) fn cabin(builder: &mut PrimitiveBuilder, shape: &CarShape, detail: Ca
         let (foot, top) = (middle(&sections[0]), middle(&sections[1]));
         // On the doors, along their middle.
         let lean = |z: f32| foot.lerp(top, (z - foot.z) / (top.z - foot.z)).x - 0.004;
+        let (low, high) = (shape.shoulder_at(-2.4) + 0.12, shape.height - 0.28);
         for side in [-1.0_f32, 1.0] {
-            let (a, b) = (side * 0.08, side * 0.70);
-            let (low, high) = (shape.shoulder_at(-2.4) + 0.12, shape.height - 0.28);
-            let corner = |y: f32, z: f32| Vec3::new(lean(z), y, z);
-            let (y0, y1) = (a.max(b), a.min(b));
-            builder.plate(
-                &[corner(y0, low), corner(y1, low), corner(y1, high), corner(y0, high)],
-                GLASS,
-                240,
-            );
+            let mut pane = |margin: f32, deep: f32, material: StaticMaterial| {
+                let (inner, outer) = (side * (0.08 - margin), side * (0.70 + margin));
+                let (y0, y1) = (inner.max(outer), inner.min(outer));
+                let corner = |y: f32, z: f32| Vec3::new(lean(z) + deep, y, z);
+                let (low, high) = (low - margin, high + margin);
+                builder.plate(
+                    &[corner(y0, low), corner(y1, low), corner(y1, high), corner(y0, high)],
+                    material,
+                    240,
+                );
+            };
+            pane(0.0, 0.0, GLASS);
+            if detail == CarDetail::Close {
+                // Clear glass would show the paint of the door: its seal, and the dark behind.
+                pane(0.022, 0.002, SEAM);
+            }
         }
         if detail.is_near() {
             // As the shell bulges below the shoulder, and the doors lean above it.
@@ -161,16 +169,16 @@ const BULGE_M: f32 = 0.10;
 /// The foot of the windscreen as a smooth line from right to left, a little above the glass.
 fn windscreen_foot(shape: &CarShape) -> Vec<Vec3> {
     const PARTS: i16 = 6;
+    (-PARTS..=PARTS).map(|k| windscreen_foot_at(shape, 0.94 * f32::from(k) / f32::from(PARTS))).collect()
+}
+
+/// A place on that line, at a share of half its width to the left.
+fn windscreen_foot_at(shape: &CarShape, share: f32) -> Vec3 {
     let [.., x] = shape.cabin.stations;
     let wide = body::half_at(x) * 0.875;
     let high = shape.shoulder_at(x) + 0.008;
-    (-PARTS..=PARTS)
-        .map(|k| {
-            let share = 0.94 * f32::from(k) / f32::from(PARTS);
-            let round = 1.0 - share * share;
-            Vec3::new(x + BULGE_M * round, wide * share, high + (shape.crown + 0.012) * round)
-        })
-        .collect()
+    let round = 1.0 - share * share;
+    Vec3::new(x + BULGE_M * round, wide * share, high + (shape.crown + 0.012) * round)
 }
 
 /// What a camera behind the windscreen sees below its glass: the dashboard, whose edge hides the rear of the bonnet. From
@@ -250,39 +258,32 @@ fn wipers(builder: &mut PrimitiveBuilder, shape: &CarShape, top: &[Vec3], foot: 
     let back = windscreen_foot(shape);
     let edge = back.iter().map(|at| before(at, 0.008)).collect();
     builder.grid(&[edge, back], |_| 170, |_, _| Some(SEAM));
-    let front: Vec<Vec3> = foot.iter().map(|at| before(at, 0.012)).collect();
-    let on = |[near, far]: [&[Vec3]; 2], across: f32, share: f32| {
-        let column = across.floor() as usize;
-        let at = |column: usize| near[column].lerp(far[column], share);
-        at(column).lerp(at(column + 1), across - across.floor())
-    };
-    let slope = (top[5] - foot[5]).cross(Vec3::Y).normalize_or(Vec3::X);
-    let out = if slope.x < 0.0 { -slope } else { slope };
-    // Sections run from right to left. A blade rests along the foot of the glass; its arm comes from a pivot on the cowl
-    // and holds it in its middle.
-    for [pivot, heel, tip] in [[6.50, 6.30, 4.75], [4.78, 4.58, 3.15]] {
-        let blade = [on([foot, top], heel, 0.010), on([foot, top], tip, 0.026)];
-        let joint = blade[0].lerp(blade[1], 0.52);
-        wiper_bar(builder, blade, out, (0.006, [0.003, 0.016]));
-        wiper_bar(builder, [on([foot, &front], pivot, 0.6), joint], out, (0.009, [0.014, 0.026]));
-        let clip = [0.46, 0.58].map(|share| blade[0].lerp(blade[1], share));
-        wiper_bar(builder, clip, out, (0.010, [0.012, 0.024]));
+    // A blade rests along the foot of the glass, which is round; its arm comes from a pivot on the cowl and holds it in its
+    // middle. Shares of half the width, from heel to tip.
+    let up = (top[5] - foot[5]).normalize_or(Vec3::Z);
+    let out = up.cross(Vec3::NEG_Y);
+    let on = |share: f32, height_m: f32| windscreen_foot_at(shape, share) + up * height_m;
+    const PARTS: u8 = 2;
+    for [pivot, heel, tip] in [[0.86, 0.82, -0.08], [-0.02, -0.06, -0.86]] {
+        let at = |part: f32| heel + (tip - heel) * part;
+        let blade = |part: u8| on(at(f32::from(part) / f32::from(PARTS)), 0.040 + 0.004 * f32::from(part));
+        for part in 0..PARTS {
+            wiper_bar(builder, [blade(part), blade(part + 1)], out, (0.006, [0.003, 0.016]));
+        }
+        let arm = [on(pivot, -0.022) + out * 0.008, on(at(0.5), 0.043)];
+        wiper_bar(builder, arm, out, (0.008, [0.014, 0.026]));
     }
 }
 
-/// A bar of half a width before the glass, from one distance from it to another.
+/// A bar of half a width before the glass, from one distance from it to another. It is not seen from below.
 fn wiper_bar(builder: &mut PrimitiveBuilder, ends: [Vec3; 2], out: Vec3, (half_m, proud_m): (f32, [f32; 2])) {
-    let up = out.cross(ends[1] - ends[0]).normalize_or(Vec3::Z) * half_m;
+    let across = out.cross(ends[1] - ends[0]).normalize_or(Vec3::Z) * half_m;
+    let up = if across.z < 0.0 { -across } else { across };
     let corner = |end: usize, side: f32, layer: usize| ends[end] + up * side + out * proud_m[layer];
     let long = |[(s0, l0), (s1, l1)]: [(f32, usize); 2]| {
         [corner(0, s0, l0), corner(1, s0, l0), corner(1, s1, l1), corner(0, s1, l1)]
     };
-    let faces = [
-        ([(1.0, 0), (-1.0, 0)], -out),
-        ([(1.0, 1), (-1.0, 1)], out),
-        ([(1.0, 0), (1.0, 1)], up),
-        ([(-1.0, 0), (-1.0, 1)], -up),
-    ];
+    let faces = [([(1.0, 0), (-1.0, 0)], -out), ([(1.0, 1), (-1.0, 1)], out), ([(1.0, 0), (1.0, 1)], up)];
     for (edges, outward) in faces {
         close::face(builder, long(edges), outward, WIPER, 160);
     }

@@ -14,6 +14,9 @@ const WHEEL: StaticMaterial = StaticMaterial::new("steering_wheel", [24, 24, 26]
 const SKIN: StaticMaterial = StaticMaterial::new("skin", [206, 160, 132]);
 const HAIR: StaticMaterial = StaticMaterial::new("hair", [62, 44, 34]);
 const SHIRT: StaticMaterial = StaticMaterial::new("shirt", [92, 116, 150]);
+const EYE: StaticMaterial = StaticMaterial::new("skin.eye", [226, 222, 216]);
+const PUPIL: StaticMaterial = StaticMaterial::new("skin.pupil", [34, 28, 26]);
+const LIPS: StaticMaterial = StaticMaterial::new("skin.lips", [158, 84, 78]);
 /// Little of the sky's light comes in.
 pub(super) const INSIDE: u8 = 150;
 
@@ -51,6 +54,15 @@ pub(super) fn interior(builder: &mut PrimitiveBuilder, shape: &CarShape) {
     let half = body::half_at(0.0) * 0.9;
     let corners = [(rear, -half), (front, -half), (front, half), (rear, half)];
     builder.plate(&corners.map(|(x, y)| Vec3::new(x, y, floor)), CARPET, 60);
+    // Housings of the rear wheels: through the arches one would see the road.
+    let axle = -super::WHEELBASE_M / 2.0;
+    if rear < axle && shape.rear != Rear::Cargo {
+        for side in [-1.0_f32, 1.0] {
+            let (inner, outer) = (side * 0.60, side * 0.93);
+            let low = Vec3::new(axle - 0.48, inner.min(outer), floor);
+            builder.block(low, Vec3::new(axle + 0.48, inner.max(outer), 0.84), CARPET, 90);
+        }
+    }
     let first = front - 1.14;
     let mut rows = vec![first];
     // A second row where there is a door for it.
@@ -88,7 +100,9 @@ pub(super) fn seat(builder: &mut PrimitiveBuilder, at: Vec3) {
 
 /// Torso, arms and head of a driver, and the steering wheel.
 pub(super) fn driver(builder: &mut PrimitiveBuilder, at: Vec3) {
-    person(builder, at, 8, [SHIRT, HAIR]);
+    const SIDES: usize = 8;
+    person(builder, at, SIDES, [SHIRT, HAIR]);
+    face(builder, at, SIDES, HAIR);
     wheel(builder, at);
 }
 
@@ -138,18 +152,19 @@ fn person(builder: &mut PrimitiveBuilder, at: Vec3, sides: usize, [shirt, hair]:
     body(
         builder,
         &[
-            [0.77, -0.12, 0.04, 0.03],
-            [0.81, -0.12, 0.085, 0.065],
-            [0.88, -0.12, 0.10, 0.078],
-            [0.93, -0.125, 0.10, 0.078],
+            [0.765, -0.100, 0.050, 0.034],
+            [0.795, -0.115, 0.088, 0.060],
+            [0.850, -0.120, 0.100, 0.077],
+            [0.940, -0.125, 0.100, 0.079],
         ],
         SKIN,
     );
     body(
         builder,
         &[
-            [0.90, -0.15, 0.10, 0.084],
-            [0.95, -0.14, 0.112, 0.086],
+            [0.86, -0.165, 0.075, 0.082],
+            [0.915, -0.155, 0.100, 0.086],
+            [0.955, -0.140, 0.106, 0.086],
             [0.985, -0.14, 0.085, 0.065],
             [1.005, -0.14, 0.0, 0.0],
         ],
@@ -160,6 +175,35 @@ fn person(builder: &mut PrimitiveBuilder, at: Vec3, sides: usize, [shirt, hair]:
         builder.block(at + low, at + high, shirt, INSIDE);
         let (low, high) = (Vec3::new(0.0, 0.75 * y - 0.04, 0.50), Vec3::new(0.32, 0.75 * y + 0.04, 0.58));
         builder.block(at + low, at + high, SKIN, INSIDE);
+    }
+}
+
+/// Eyes, brows, nose and mouth of who sits, before the front sides of the head.
+fn face(builder: &mut PrimitiveBuilder, at: Vec3, sides: usize, brow: StaticMaterial) {
+    let (sin, cos) = (TAU / sides as f32).sin_cos();
+    let slope = (1.0 - cos) / sin * 0.100 / 0.078;
+    let on = |[y, z]: [f32; 2], proud_m: f32| {
+        let chin = (0.850 - z).max(0.0) * 0.22;
+        at + Vec3::new(-0.021 - chin - slope * y.abs() + proud_m, y, z)
+    };
+    let mut patch = |[y, z]: [[f32; 2]; 2], proud_m: f32, material: StaticMaterial| {
+        let corners = [[y[0], z[0]], [y[1], z[0]], [y[1], z[1]], [y[0], z[1]]];
+        builder.plate(&corners.map(|corner| on(corner, proud_m)), material, 190);
+    };
+    for [inner, outer] in [[0.016_f32, 0.046], [-0.016, -0.046]] {
+        let between = |from: f32, to: f32| {
+            let ends = [from, to].map(|share| inner + (outer - inner) * share);
+            [ends[0].min(ends[1]), ends[0].max(ends[1])]
+        };
+        patch([between(0.0, 1.0), [0.882, 0.896]], 0.003, EYE);
+        patch([between(0.28, 0.74), [0.881, 0.897]], 0.004, PUPIL);
+        patch([between(-0.1, 1.15), [0.905, 0.913]], 0.004, brow);
+        patch([[inner.min(0.0) * 1.3, inner.max(0.0) * 1.3], [0.817, 0.826]], 0.003, LIPS);
+    }
+    let (bridge, tip) = (on([0.0, 0.893], 0.002), on([0.0, 0.852], 0.024));
+    let [left, right] = [0.015, -0.015].map(|y| on([y, 0.845], 0.001));
+    for corners in [[bridge, tip, left], [bridge, right, tip], [right, left, tip]] {
+        builder.plate(&corners, SKIN, 190);
     }
 }
 

@@ -33,8 +33,8 @@ pub(super) const PAINT: StaticMaterial = StaticMaterial::new("paint", [255, 255,
 pub(super) const GLASS: StaticMaterial = StaticMaterial::new("glass", [22, 27, 32]).rough(0.05);
 /// Clear cover of a lamp.
 pub(super) const LENS: StaticMaterial = StaticMaterial::new("lens", [200, 204, 208]).rough(0.05);
-pub(super) const PLASTIC: StaticMaterial = StaticMaterial::new("plastic", [30, 31, 33]);
-pub(super) const DASHBOARD: StaticMaterial = StaticMaterial::new("dashboard", [54, 55, 58]);
+pub(super) const PLASTIC: StaticMaterial = StaticMaterial::new("plastic", [28, 30, 33]);
+pub(super) const DASHBOARD: StaticMaterial = StaticMaterial::new("dashboard", [46, 49, 54]);
 pub(super) const SEAM: StaticMaterial = StaticMaterial::new("seam", [12, 12, 13]);
 pub(super) const WIPER: StaticMaterial = StaticMaterial::new("wiper", [12, 12, 13]);
 pub(super) const WELL: StaticMaterial = StaticMaterial::new("well", [14, 14, 15]);
