@@ -4,7 +4,7 @@ use super::bicycles;
 use super::crossings::{Crossing, DEEP_M};
 use super::ground_sheet::KERB_M;
 use super::mesh::{Class, Finish, Mesh, Surface};
-use super::places::{Disc, KerbRow, Places, along_kerb};
+use super::places::{Disc, KerbRow, Places, along_kerb, is_island};
 use super::{SceneObject, hash_to_unit};
 use glam::{Affine3A, DVec2, Quat, Vec2, Vec3};
 
@@ -81,6 +81,9 @@ pub(super) fn furniture(
     for (ring, number) in kerbs.iter().zip(0..) {
         for (seed, at, along) in along_kerb(ring, number, &ROW) {
             let Some(thing) = thing_at(seed).filter(|_| is_off_crossings(at)) else { continue };
+            if is_island(ring) && thing != Thing::Bollards {
+                continue;
+            }
             let outward = -along.perp();
             match thing {
                 Thing::Bollards => found.extend(

@@ -4,7 +4,7 @@
 use super::doorways::Way;
 use super::grounds::{covers, distance_to};
 use super::plants::HEDGE_WIDTH_M;
-use super::polygon::mitre;
+use super::polygon::{doubled_area, mitre};
 use super::props::WALL_WIDTH_M;
 use super::roads::{RoadField, SHOULDER_M};
 use super::{SceneObject, hash_to_unit, special};
@@ -17,6 +17,14 @@ const OFF_WALLS_M: f64 = 0.40;
 const LAMP_FOOT_M: f64 = 0.10;
 /// Before a door, from the step on.
 const BEFORE_DOOR_M: f64 = 0.80;
+
+/// Smaller areas within kerbs are islands of roundabouts, square metres.
+const LEAST_AREA_M2: f64 = 500.0;
+
+/// Whether a kerb is that of a roundabout's island, to which nobody has a way.
+pub(super) fn is_island(kerb: &[DVec2]) -> bool {
+    doubled_area(kerb).abs() < 2.0 * LEAST_AREA_M2
+}
 
 /// A disc on the ground: its middle and radius, metres.
 pub(super) type Disc = (DVec2, f64);

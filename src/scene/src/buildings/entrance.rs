@@ -8,7 +8,7 @@ use super::super::surroundings::Surroundings;
 use super::super::{lettering, special};
 use super::side::Facade;
 use super::storeys_up_to;
-use super::style::{Style, TRIM, has, wall};
+use super::style::{DARK, Style, TRIM, has, wall};
 use glam::{Vec2, Vec3};
 
 /// The front: the side nearest to a road, wide sides before narrow ones.
@@ -137,7 +137,7 @@ fn door(mesh: &mut Mesh, (front, bay): (&Facade, f32), style: &Style, [storey, e
     );
     front.slab(mesh, [middle, 1.9], [0.02, 0.16], 0.6, TRIM.shaded(0.9));
     if style.sign.is_none() && !style.gabled && eaves > 8.0 {
-        front.slab(mesh, [middle, 2.2], [high + 0.18, high + 0.32], 0.95, TRIM.shaded(0.95));
+        front.slab(mesh, [middle, 2.2], [high + 0.18, high + 0.32], 0.95, DARK);
     }
     if style.sign.is_none() && style.gabled && style.has_porch && eaves > high + 0.75 {
         porch(mesh, front, middle, high + 0.16, style.tiles);

@@ -203,7 +203,13 @@ fn bare(finish: Finish) -> Finish {
         Surface::Windows | Surface::Shutters | Surface::Balcony => Surface::Concrete,
         _ => return finish,
     };
-    let colour = if surface == Surface::Brick { BARE_BRICK.colour } else { finish.colour };
+    let colour = match surface {
+        // The brick of windows has its tint besides its own red.
+        Surface::Brick => std::array::from_fn(|k| {
+            (u16::from(BARE_BRICK.colour[k]) * u16::from(finish.colour[k]) / 255) as u8
+        }),
+        _ => finish.colour,
+    };
     Finish { surface, colour, ..finish }
 }
 

@@ -158,10 +158,24 @@ impl LandSheet<'_> {
         }
     }
 
+    /// How far outside of the asphalt of roads a place lies: negative on it.
+    fn off_asphalt_m(&self, at: DVec2) -> f64 {
+        let away = self.roads.iter().map(|road| road.distance_m(at, road.half_m + VERGE_M) - road.half_m);
+        away.fold(f64::INFINITY, f64::min)
+    }
+
+    /// Whether a triangle at the rim, where the lines of roads begin, reaches out from under a road: the asphalt of the approach
+    /// lies over what of it is on the road.
+    fn reaches_out(&self, middle: DVec2, corners: [DVec2; 3]) -> bool {
+        const AT_RIM_M: f64 = 3.0;
+        const OFF_EDGE_M: f64 = 0.3;
+        self.relief.away_m(middle) < AT_RIM_M
+            && corners.iter().any(|corner| self.off_asphalt_m(*corner) > OFF_EDGE_M)
+    }
+
     /// What covers a place outside of the closed ground.
     fn cover_at(&self, at: DVec2) -> Cover {
-        let away = self.roads.iter().map(|road| road.distance_m(at, road.half_m + VERGE_M) - road.half_m);
-        let away = away.fold(f64::INFINITY, f64::min);
+        let away = self.off_asphalt_m(at);
         match self.fields.at(at) {
             _ if away < 0.0 => Cover::Road,
             _ if away < VERGE_M => Cover::Verge,
@@ -183,7 +197,12 @@ impl LandSheet<'_> {
             if point_in_polygon(middle, &town) {
                 continue;
             }
-            let cover = self.cover_at(middle);
+            let cover = match self.cover_at(middle) {
+                Cover::Road if self.reaches_out(middle, corners.map(|corner| corner.data().at)) => {
+                    Cover::Verge
+                }
+                cover => cover,
+            };
             for corner in corners {
                 let index = *known
                     .entry((corner.fix(), cover))

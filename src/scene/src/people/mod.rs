@@ -7,8 +7,7 @@ use super::bicycles;
 use super::crossings::{Crossing, DEEP_M};
 use super::ground_sheet::KERB_M;
 use super::mesh::Mesh;
-use super::places::{KerbRow, Places, along_kerb};
-use super::polygon::doubled_area;
+use super::places::{KerbRow, Places, along_kerb, is_island};
 use super::{LodMesh, SceneObject, hash_to_unit};
 use city3d_roadmap::{CityMap, SceneryKind};
 use figure::{Model, Outfit, POSES, Pose};
@@ -31,8 +30,6 @@ const CHILD: f32 = 0.66;
 /// Share of the ends of crossings where somebody waits, and how far behind the kerb.
 const WAITING: f32 = 0.45;
 const WAITS_OFF_M: f64 = 0.75;
-/// Smaller areas within kerbs are islands of roundabouts, square metres.
-const LEAST_AREA_M2: f64 = 500.0;
 /// Seat of a bench, and where on it people sit, along it.
 const SEAT_M: f32 = 0.58;
 const SEATS_M: [f32; 2] = [-0.42, 0.40];
@@ -173,9 +170,7 @@ pub(super) fn people(
     let mut crowd = Crowd::new();
     sit(map, places, &mut crowd);
     wait(crossings, places, &mut crowd);
-    // Nobody has a way to the island of a roundabout.
-    let has_people = |ring: &[DVec2]| doubled_area(ring).abs() > 2.0 * LEAST_AREA_M2;
-    for (ring, seed) in kerbs.iter().zip(0..).filter(|(ring, _)| has_people(ring)) {
+    for (ring, seed) in kerbs.iter().zip(0..).filter(|(ring, _)| !is_island(ring)) {
         for (seed, at, along) in along_kerb(ring, seed, &ROW) {
             let drawn = Company::drawn(seed);
             // Where there is no room for a company, one may pass.
