@@ -3,13 +3,13 @@
 use super::chart::{ChartLine, Dash, Figure, LegendEntry, LineStyle, PALETTE, Panel};
 use super::labels::conditions;
 use super::run::Trace;
-use super::style::distinct_styles;
+use super::style::{STYLES, distinct_styles};
 use super::table::{TidyTable, number};
 use city3d_geometry::KMH_PER_MPS;
 use city3d_roadmap::LaneId;
 use city3d_simulation::measures::SIGHT_M;
 use city3d_simulation::scenario::Experiment;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 /// A leader farther ahead than this is not followed, city metres.
 const FOLLOWED_M: f64 = SIGHT_M;
@@ -300,7 +300,7 @@ impl SeriesFigure<'_> {
         let of_run = self.conditions();
         let mut legend = Vec::new();
         let within = |&(time_s, _): &(f64, f64)| (self.span_s.0..=self.span_s.1).contains(&time_s);
-        for (trace, stroke) in self.shown.iter().zip(distinct_styles(self.shown.len())) {
+        for (trace, stroke) in self.shown.iter().zip(styles_of(&self.shown)) {
             let values: Vec<(f64, f64)> = quantity
                 .values(trace, self.all, self.experiment)
                 .into_iter()
@@ -351,6 +351,17 @@ impl SeriesFigure<'_> {
         let mut samples = self.shown.iter().flat_map(|trace| &trace.samples);
         let has_gap = samples.any(|sample| !sample.is_seen && (from_s..=to_s).contains(&sample.time_s));
         if has_gap { " A gap: the vehicle was not tracked." } else { "" }
+    }
+}
+
+/// A style for each vehicle, which it has whoever else is shown; where two would be alike, styles by their order.
+fn styles_of(shown: &[&Trace]) -> Vec<LineStyle> {
+    let styles: Vec<LineStyle> = distinct_styles(STYLES).collect();
+    let places: Vec<usize> = shown.iter().map(|trace| trace.id.0.wrapping_sub(1) as usize % STYLES).collect();
+    let are_distinct = places.iter().collect::<BTreeSet<_>>().len() == places.len();
+    match are_distinct {
+        true => places.into_iter().map(|place| styles[place]).collect(),
+        false => distinct_styles(shown.len()).collect(),
     }
 }
 

@@ -121,6 +121,11 @@ impl PastPlayer {
         }
         if head.is_playing {
             head.at_s = head.after(self.ticker.pass(now));
+            if !head.is_reverse && head.is_at_end() {
+                // A run that has ended goes no further.
+                self.go_live();
+                return None;
+            }
             if head.is_reverse && head.is_at_start() {
                 head.is_playing = false;
                 self.ticker.stop();

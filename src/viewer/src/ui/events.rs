@@ -274,6 +274,8 @@ pub(super) fn live(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>, acti
         let words = event_words(shown.names, &last, state.preferences.decimal);
         let text = RichText::new(&words).small();
         let label = egui::Label::new(text).truncate().selectable(false).sense(Sense::click());
+        // The tip below tells it whole.
+        let label = label.show_tooltip_when_elided(false);
         let room = Vec2::new(ui.available_size_before_wrap().x, ui.spacing().interact_size.y);
         let layout = Layout::left_to_right(Align::Center);
         let label = ui.allocate_ui_with_layout(room, layout, |ui| ui.add(label)).inner;

@@ -62,7 +62,8 @@ pub fn show(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>, actions: &m
         ui.horizontal(|ui| buttons(ui, state, (shown, actions), vehicle.id));
         ui.separator();
     }
-    egui::ScrollArea::vertical().show(ui, |ui| {
+    // Each vehicle is read from the top, in each run.
+    egui::ScrollArea::vertical().id_salt((vehicle.id, shown.run_state.run)).show(ui, |ui| {
         inspected(ui, state, shown, (vehicle, place.as_ref()), (insight, decision));
     });
 }

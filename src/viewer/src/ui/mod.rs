@@ -92,6 +92,7 @@ use city3d_render::Overlay;
 use city3d_session::playback::PlaybackCommand;
 use city3d_session::{Order, RunPhase};
 use serde::{Deserialize, Serialize};
+use std::path::PathBuf;
 use std::sync::Arc;
 
 /// An action of the user that the panels do not carry out themselves.
@@ -239,7 +240,7 @@ pub struct UiState {
     /// A widget had the keyboard focus in the last frame.
     had_focus: bool,
     /// Camera and selected vehicle before a jump to an event of the past.
-    view_before_jump: Option<(Viewpoint, Option<VehicleId>)>,
+    view_before_jump: Option<Viewpoint>,
     /// The run that has come to its end, and when, seconds of egui's clock.
     ended: Option<(u32, f64)>,
     /// Manual control of the vehicle that the user drives.
@@ -256,6 +257,8 @@ pub struct UiState {
     pub lapse_s: f64,
     /// Length of a video that ends by itself, seconds.
     pub video_lasts_s: f64,
+    /// The video that was written last.
+    pub last_video: Option<PathBuf>,
     /// What videos show.
     pub video_subject: VideoSubject,
     /// Size of the large view, pixels of the screen.
@@ -316,6 +319,7 @@ impl UiState {
             run_until: RunUntilState::default(),
             lapse_s: 1.0,
             video_lasts_s: 10.0,
+            last_video: None,
             video_subject: VideoSubject::default(),
             city_pixels: [1, 1],
             is_scrubbing: false,
@@ -530,9 +534,12 @@ pub fn show(ui: &mut egui::Ui, state: &mut UiState, shown: &ViewModel<'_>) -> Ve
     }
     let frame = egui::Frame::side_top_panel(ui.style()).fill(egui::Color32::TRANSPARENT);
     egui::Panel::top("bar").frame(frame).show(ui, |ui| {
-        ui.add_space(3.0);
+        // In a low window the city needs the room.
+        let air = if timeline::is_low(ui) { 0.0 } else { 3.0 };
+        ui.add_space(air);
+        ui.spacing_mut().item_spacing.y = air;
         bar::show(ui, state, shown, &mut actions);
-        ui.add_space(3.0);
+        ui.add_space(air);
     });
     egui::Panel::bottom("footer").frame(frame).show(ui, |ui| footer::show(ui, shown));
     // What is edited has no time yet: that of the old run would mislead.

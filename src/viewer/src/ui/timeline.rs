@@ -2,6 +2,8 @@
 
 mod track;
 
+pub(super) use track::is_low;
+
 use super::events::{self, go_to, update};
 use super::{CityKind, UiAction, UiState, ViewModel, commands, run_until, theme, video};
 use city3d_geometry::trig;
@@ -193,7 +195,7 @@ enum RowRoom {
 /// The panel below the city.
 pub(super) fn show(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>, actions: &mut Vec<UiAction>) {
     let replay = &TimelineView::of(shown);
-    if track::is_low(ui) {
+    if is_low(ui) {
         ui.spacing_mut().item_spacing.y = 0.0;
     } else {
         ui.add_space(2.0);

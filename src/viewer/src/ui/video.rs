@@ -145,6 +145,18 @@ pub(super) fn button(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>, ac
             }
         });
         ui.separator();
+        if let Some(file) = &state.last_video {
+            ui.horizontal(|ui| {
+                let name = file.file_name().unwrap_or_default().to_string_lossy();
+                let whole = file.display().to_string();
+                ui.label(RichText::new(format!("Last: {name}")).small()).on_hover_text(&whole);
+                ui.visuals_mut().widgets.inactive = ui.ctx().global_style().visuals.widgets.inactive;
+                if ui.small_button("Copy path").on_hover_text(&whole).clicked() {
+                    ui.ctx().copy_text(whole);
+                }
+            });
+            ui.separator();
+        }
         if ui.add(Button::new("Save a screenshot").shortcut_text(SCREENSHOT.key(ui.ctx()))).clicked() {
             actions.push(UiAction::Screenshot);
             ui.close();

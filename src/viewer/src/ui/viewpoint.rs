@@ -214,6 +214,12 @@ impl Viewpoint {
     pub fn keep_in_sight(&mut self, seen: &FrameSnapshot, walls: &[Wall], dt_s: f64) -> bool {
         let followed = self.follow.and_then(|id| seen.vehicle(id));
         let is_raised = !self.rear && matches!(self.mode, CameraMode::Orbit | CameraMode::Chase);
+        if self.follow.is_none() {
+            // Who lets go of a vehicle goes on seeing what they saw.
+            let raised_by_rad = std::mem::take(&mut self.raise).by_rad();
+            self.elevation_rad = (self.elevation_rad + raised_by_rad).min(STEEPEST_RAD);
+            return false;
+        }
         let Some(vehicle) = followed.filter(|_| is_raised) else { return self.raise.ease_to(0.0, dt_s) };
         let mut raise = self.raise;
         let soon = (vehicle.forward() * (vehicle.speed_mps * FORESIGHT_S)).extend(0.0);

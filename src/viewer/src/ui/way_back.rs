@@ -1,13 +1,12 @@
-//! The way back from a jump into the past of a run: the camera and the selected vehicle from before.
+//! The way back from a jump into the past of a run: the camera from before. What was selected in the past stays selected.
 
-use super::{Selection, UiAction, UiState, ViewModel};
+use super::{UiAction, UiState, ViewModel};
 use city3d_session::playback::PlaybackCommand;
 
 impl UiState {
-    /// Keeps camera and selected vehicle for the way back from a jump into the past.
+    /// Keeps the camera for the way back from a jump into the past.
     pub(super) fn keep_view(&mut self) {
-        let view = (self.viewpoint.clone(), self.selection.vehicle);
-        self.view_before_jump.get_or_insert(view);
+        self.view_before_jump.get_or_insert_with(|| self.viewpoint.clone());
     }
 
     /// Who goes back to the present sees what they saw before they jumped into the past.
@@ -16,9 +15,8 @@ impl UiState {
         if !(goes_live && shown.past.is_shown) || self.driving.is_some() {
             return;
         }
-        if let Some((viewpoint, selected)) = self.view_before_jump.take() {
-            (self.viewpoint, self.selection) = (viewpoint, Selection { vehicle: selected, follow: None });
-            self.table.reveal = true;
+        if let Some(viewpoint) = self.view_before_jump.take() {
+            (self.viewpoint, self.selection.follow) = (viewpoint, None);
         }
     }
 

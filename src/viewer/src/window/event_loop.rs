@@ -17,6 +17,7 @@ use crate::ui::{CityKind, Look, UiAction, VideoSubject};
 use city3d_render::{Context, Image, write_png};
 use city3d_session::Order;
 use std::mem::ManuallyDrop;
+use std::path::Path;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 use winit::application::ApplicationHandler;
@@ -359,6 +360,7 @@ impl OpenWindow {
     /// Shows how the recording of a video does, and says what has become of it.
     fn tell_of_videos(&mut self) {
         self.viewer.video = self.videos.status();
+        self.viewer.state.last_video = self.videos.last().map(Path::to_path_buf);
         if let Some(said) = self.videos.try_said(self.viewer.state.preferences.decimal) {
             self.say(said);
         }

@@ -210,6 +210,8 @@ pub(super) struct WindowVideos {
     outcomes: Arc<Mutex<Vec<Result<FinishedVideo, String>>>>,
     /// A recording has ended, and nobody has been told yet.
     is_ending: bool,
+    /// The file that was written last.
+    last: Option<PathBuf>,
 }
 
 impl WindowVideos {
@@ -269,7 +271,19 @@ impl WindowVideos {
         let outcome = self.outcomes.lock().unwrap_or_else(PoisonError::into_inner).pop();
         let was_ending = std::mem::take(&mut self.is_ending);
         let Some(outcome) = outcome else { return was_ending.then(|| WRITING.to_owned()) };
-        Some(outcome.map_or_else(|why| why, |video| video.words(decimal)))
+        Some(outcome.map_or_else(
+            |why| why,
+            |video| {
+                let words = video.words(decimal);
+                self.last = Some(video.file);
+                words
+            },
+        ))
+    }
+
+    /// The file that was written last.
+    pub(super) fn last(&self) -> Option<&Path> {
+        self.last.as_deref()
     }
 
     /// Whether a file is still being completed.

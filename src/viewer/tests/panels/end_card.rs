@@ -1,5 +1,6 @@
 //! The card of a finished run, and of a recorded one.
 
+use super::city::place;
 use super::desk::{Desk, Recording, click, experiment, fleet, harness, press};
 use city3d_logbook::measures::RunMeasures;
 use city3d_protocol::snapshot::{Event, EventKind, FrameSnapshot, Status, VehicleId};
@@ -97,7 +98,8 @@ fn the_card_waits_while_the_mouse_moves_in_what_it_would_cover() {
     harness.state_mut().run_state.phase = RunPhase::Over;
     harness.hover_at(egui::pos2(850.0, 10.0));
     harness.run_steps(60);
-    let table = harness.get_by_label_contains("Filter by name").rect().expand(400.0).with_max_x(360.0);
+    let city = place(&harness);
+    let table = city.with_min_x(0.0).with_max_x(city.left());
     let card = harness.get_by_label("Run finished").rect().union(harness.get_by_label("Replay").rect());
     let covered = card.intersect(table);
     assert!(covered.width() > 20.0, "{card:?}");

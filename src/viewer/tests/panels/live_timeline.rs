@@ -408,7 +408,7 @@ fn at_twice_the_size_times_and_collisions_stay_in_sight() {
     harness.run_steps(4);
     let there = harness.get_by_label("1 collision").rect();
     assert!(there.right() < 640.0, "{there:?}");
-    assert!(texts(&harness).iter().any(|text| text == "0.5"), "{:?}", texts(&harness));
+    assert!(texts(&harness).iter().any(|text| text == "5"), "{:?}", texts(&harness));
     // What gives way to it is in the menu.
     assert!(harness.query_by_label_contains("Until ...").is_none());
     click(&mut harness, "More \u{23f7}");

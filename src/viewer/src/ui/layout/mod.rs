@@ -177,8 +177,12 @@ impl Layout {
 
     /// Whether a docked panel opens beneath a window at a place.
     pub(super) fn opens_beneath(&self, place: Rect) -> bool {
-        let rects = self.opening.iter().filter_map(|tile| self.shown_rect(*tile));
-        rects.into_iter().any(|opening| opening.intersects(place))
+        self.opening_rects().into_iter().any(|opening| opening.intersects(place))
+    }
+
+    /// Where docked panels open in this frame.
+    fn opening_rects(&self) -> Vec<Rect> {
+        self.opening.iter().filter_map(|tile| self.shown_rect(*tile)).collect()
     }
 
     fn shown_rect(&self, tile: TileId) -> Option<Rect> {
@@ -203,8 +207,7 @@ impl Layout {
 
     /// Where a panel beside the city is; `None` for one that is closed, behind another one, or over the city.
     fn docked(&self, panel: Panel) -> Option<Rect> {
-        let tile = self.tree.tiles.find_pane(&panel).filter(|tile| self.tree.is_visible(*tile))?;
-        self.tree.tiles.rect(tile).filter(|_| !self.is_floating(panel))
+        self.shown_rect(self.tree.tiles.find_pane(&panel).filter(|_| !self.is_floating(panel))?)
     }
 
     /// What has to stay in sight: the rows of the table, below which it is empty, the previews, and whose camera the view is where
@@ -240,7 +243,7 @@ impl Layout {
         let is_lifted = |entry: &&PanelEntry| (entry.is_open)(state) && self.is_floating(entry.panel);
         let open: Vec<&PanelEntry> = panels::ALL.iter().filter(is_lifted).collect();
         let rects = |panel: &Panel| ui.ctx().memory(|memory| memory.area_rect(window_of(*panel)));
-        let opening: Vec<Rect> = self.opening.iter().filter_map(|tile| self.tree.tiles.rect(*tile)).collect();
+        let opening = self.opening_rects();
         let mut taken: Vec<Rect> = self.lifted.iter().filter_map(rects).collect();
         let was_open = std::mem::replace(&mut self.lifted, open.iter().map(|entry| entry.panel).collect());
         for PanelEntry { panel, title, size, close, show, .. } in open {

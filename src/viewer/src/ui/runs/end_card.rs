@@ -123,7 +123,7 @@ pub(super) fn window(ui: &Ui, state: &mut UiState, shown: &ViewModel<'_>, action
     window.show(ui.ctx(), |ui| {
         ui.set_max_width(430.0);
         let room = ui.ctx().content_rect().height() - AROUND;
-        egui::ScrollArea::vertical().max_height(room).show(ui, |ui| {
+        egui::ScrollArea::vertical().id_salt(run_state.run).max_height(room).show(ui, |ui| {
         ui.label(format!(
             "{}, {}: {} s simulated",
             measures.scenario,

@@ -46,6 +46,9 @@ pub struct FilePanel {
     replaces: Option<PathBuf>,
 }
 
+/// Where a path from the root on begins behind another one.
+const ROOT_AGAIN: &str = "//";
+
 /// What the user wants with the marked entry, or with what was typed.
 enum Chosen {
     GoInto(PathBuf),
@@ -110,6 +113,10 @@ impl FilePanel {
 
     /// Follows what is typed into another folder.
     fn follow_typed(&mut self) {
+        // Whoever types a whole path behind the one that is there means the new one.
+        if let Some(at) = self.typed.rfind(ROOT_AGAIN) {
+            self.typed.drain(..=at);
+        }
         if let Some(rest) = self.typed.strip_prefix("~/")
             && let Some(home) = std::env::home_dir()
         {

@@ -26,7 +26,7 @@ const LOW_WINDOW: f32 = 480.0;
 const LOWEST_WINDOW: f32 = 400.0;
 
 /// Whether the window is so low that the city needs the room.
-pub(super) fn is_low(ui: &Ui) -> bool {
+pub(in super::super) fn is_low(ui: &Ui) -> bool {
     ui.ctx().content_rect().height() < LOW_WINDOW
 }
 /// Margin at both sides of the track.
