@@ -81,7 +81,7 @@ pub(super) fn furniture(
     for (ring, number) in kerbs.iter().zip(0..) {
         for (seed, at, along) in along_kerb(ring, number, &ROW) {
             let Some(thing) = thing_at(seed).filter(|_| is_off_crossings(at)) else { continue };
-            if is_island(ring) && thing != Thing::Bollards {
+            if is_island(ring) && thing == Thing::Bicycle {
                 continue;
             }
             let outward = -along.perp();

@@ -308,6 +308,18 @@ mod tests {
     }
 
     #[test]
+    fn the_past_of_a_run_that_has_ended_plays_to_its_end_and_no_further() {
+        let mut past = Past::after(500);
+        // Its last state is kept.
+        past.history.push(past.run.snapshot());
+        past.command(PlaybackCommand::Seek(4.0));
+        past.command(PlaybackCommand::Play);
+        past.shown(0);
+        assert!((0..40).any(|_| past.shown(50).is_none()), "it never comes to the end");
+        assert!(!past.player.is_past());
+    }
+
+    #[test]
     fn an_event_between_two_kept_states_is_shown_at_its_time_in_picture_and_numbers() {
         let mut past = Past::after(300);
         let mut reference = Run::new(Arc::clone(past.run.experiment())).unwrap();

@@ -93,10 +93,10 @@ fn the_card_waits_while_the_mouse_moves_in_what_it_would_cover() {
     desk.run_state.phase = RunPhase::Running;
     let mut harness = harness(desk);
     // It has to cover a part of the table here.
-    harness.set_size(egui::vec2(853.0, 480.0));
+    harness.set_size(egui::vec2(660.0, 480.0));
     press(&mut harness, Key::F3);
     harness.state_mut().run_state.phase = RunPhase::Over;
-    harness.hover_at(egui::pos2(850.0, 10.0));
+    harness.hover_at(egui::pos2(655.0, 10.0));
     harness.run_steps(60);
     let city = place(&harness);
     let table = city.with_min_x(0.0).with_max_x(city.left());
@@ -105,7 +105,7 @@ fn the_card_waits_while_the_mouse_moves_in_what_it_would_cover() {
     assert!(covered.width() > 20.0, "{card:?}");
     harness.state_mut().run_state.phase = RunPhase::Running;
     harness.state_mut().run_state.run = 3;
-    harness.hover_at(covered.center());
+    harness.hover_at(covered.center_bottom() - egui::vec2(0.0, 15.0));
     harness.run_steps(2);
     harness.state_mut().run_state.phase = RunPhase::Over;
     harness.run_steps(2);

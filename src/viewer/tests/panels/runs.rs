@@ -86,6 +86,13 @@ fn a_typed_name_is_completed_and_a_wrong_one_is_told() {
     press(&mut harness, Key::Escape);
     assert!(harness.state().state.runs.files.is_none());
     assert_eq!(harness.state().actions.len(), 1);
+    // A whole path behind that of the folder.
+    command(&mut harness, Key::O);
+    let whole = folder.path().join("town.dxf");
+    harness.event(egui::Event::Text(whole.display().to_string()));
+    harness.run_steps(2);
+    press(&mut harness, Key::Enter);
+    assert_eq!(harness.state().actions[1], opened(whole));
 }
 
 #[test]

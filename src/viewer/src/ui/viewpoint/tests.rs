@@ -440,6 +440,13 @@ fn the_camera_rises_over_a_house_that_hides_the_followed_vehicle_and_comes_down_
         let eye = viewpoint.view(&seen, [400, 300]).extrinsics.position;
         let vehicle = seen.vehicles[0].position + DVec3::Z;
         assert!(!occlusion::is_occluded_up_to(eye, vehicle, (&walls, 2.0)), "over the roof, too: {mode:?}");
+        if mode == CameraMode::Orbit {
+            let mut let_go = viewpoint.clone();
+            let_go.follow(None);
+            assert!(!let_go.keep_in_sight(&seen, &walls, 0.033));
+            let after = let_go.view(&seen, [400, 300]).extrinsics.position;
+            assert!(after.distance(eye) < 1e-6, "who lets go keeps the view: {after} {eye}");
+        }
         while viewpoint.keep_in_sight(&seen, &[], 0.033) {}
         let again_m = viewpoint.view(&seen, [400, 300]).extrinsics.position.z;
         assert!((again_m - low_m).abs() < 1e-6, "{mode:?}: {low_m} {again_m}");
