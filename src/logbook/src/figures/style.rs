@@ -8,7 +8,7 @@ const DASHES: [Dash; 4] = [Dash::Solid, Dash::Dashed, Dash::Dotted, Dash::DashDo
 /// Styles of which no two are alike.
 pub(super) const STYLES: usize = DASHES.len() * PALETTE.len();
 
-/// So many styles, no two of them alike up to [`STYLES`]: all colours with solid lines, then all with the next dash pattern.
+/// So many styles, no two of them alike up to 28: all colours with solid lines, then all with the next dash pattern.
 pub fn distinct_styles(count: usize) -> impl Iterator<Item = LineStyle> {
     let of = |(dash, colour)| LineStyle { dash, ..LineStyle::solid(colour) };
     DASHES.into_iter().flat_map(|dash| PALETTE.map(|colour| (dash, colour))).map(of).cycle().take(count)
