@@ -9,7 +9,7 @@ use super::{
 };
 use city3d_sensors::Weather;
 use city3d_session::{Order, RunPhase, Speed};
-use egui::{Button, ComboBox, RichText, Ui};
+use egui::{Button, ComboBox, Response, RichText, Ui};
 use std::path::Path;
 
 /// The selectable speeds.
@@ -371,12 +371,7 @@ fn scenario(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>, actions: &m
 /// Opens and leaves the editor.
 fn edit_button(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>, actions: &mut Vec<UiAction>) {
     let button = Button::selectable(shown.edit.is_some(), "Edit");
-    let availability = commands::EDIT.availability(state, shown);
-    let button = ui.add_enabled(availability == commands::Availability::Now, button);
-    let button = match availability {
-        commands::Availability::After(hint) => button.on_disabled_hover_text(hint.words(&state.keys)),
-        _ => button,
-    };
+    let button = command_button(ui, &commands::EDIT, button, (state, shown));
     let tip = "Change the scenario: vehicles, routes, obstacles; the run waits meanwhile";
     if button.on_hover_text(commands::EDIT.tip(ui.ctx(), tip)).clicked() {
         run(&commands::EDIT, ui, state, shown, actions);
@@ -418,13 +413,7 @@ fn panels(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>, actions: &mut
         entries.push(&commands::SETTINGS);
         for command in entries {
             let button = Button::new(command.name).shortcut_text(command.key(ui.ctx()));
-            let availability = command.availability(state, shown);
-            let button = ui.add_enabled(availability == commands::Availability::Now, button);
-            let button = match availability {
-                commands::Availability::After(hint) => button.on_disabled_hover_text(hint.words(&state.keys)),
-                _ => button,
-            };
-            if button.clicked() {
+            if command_button(ui, command, button, (state, shown)).clicked() {
                 chosen = Some(command);
             }
         }
@@ -433,6 +422,21 @@ fn panels(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>, actions: &mut
     ui.toggle_value(&mut state.open.help, "Help").on_hover_text(commands::HELP.tip(ui.ctx(), "All keys"));
     if let Some(command) = chosen {
         run(command, ui, state, shown, actions);
+    }
+}
+
+/// A button of an action, which says what has to be done first where it is not available.
+fn command_button(
+    ui: &mut Ui,
+    command: &commands::Command,
+    button: Button<'_>,
+    (state, shown): (&UiState, &ViewModel<'_>),
+) -> Response {
+    let availability = command.availability(state, shown);
+    let button = ui.add_enabled(availability == commands::Availability::Now, button);
+    match availability {
+        commands::Availability::After(hint) => button.on_disabled_hover_text(hint.words(&state.keys)),
+        _ => button,
     }
 }
 

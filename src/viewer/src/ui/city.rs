@@ -410,7 +410,7 @@ fn notice(ui: &Ui, (rect, bottom): (Rect, f32), state: &mut UiState, shown: &Vie
     let painter = ui.ctx().layer_painter(layer).with_clip_rect(rect);
     let beside = if state.layers.map { map::beside(rect) } else { rect };
     // Below the name of the followed vehicle.
-    let below = if state.viewpoint.follow.is_some() { 34.0 } else { 0.0 };
+    let below = if state.viewpoint.follow.is_some() { NAME_OF_CAMERA.y } else { 0.0 };
     let ends = [
         (Align2::CENTER_BOTTOM, rect.with_max_y(bottom)),
         (Align2::CENTER_TOP, beside.with_min_y(beside.top() + below)),
@@ -427,8 +427,7 @@ fn notice(ui: &Ui, (rect, bottom): (Rect, f32), state: &mut UiState, shown: &Vie
         .collect();
     let hides = |place: &Rect| told.iter().any(|vehicle| vehicle.intersects(place.expand(8.0)));
     let [at_bottom, at_top] = placed;
-    let is_better = |other: &Rect, place: &Rect| hides(place) && !hides(other);
-    let (place, galley) = match state.runs.is_modal() || is_better(&at_top.0, &at_bottom.0) {
+    let (place, galley) = match state.runs.is_modal() || (hides(&at_bottom.0) && !hides(&at_top.0)) {
         true => at_top,
         false => at_bottom,
     };

@@ -278,13 +278,6 @@ fn overflow(
 /// In a narrower view the sign of the past has no room for the time of the present, points.
 const WIDE_SIGN: f32 = 330.0;
 
-fn back(ui: &mut Ui, actions: &mut Vec<UiAction>) {
-    let tip = commands::TO_END.tip(ui.ctx(), "Back to the present");
-    if ui.button("Live").on_hover_text(tip).clicked() {
-        actions.push(UiAction::PlaybackCommand(PlaybackCommand::Live));
-    }
-}
-
 /// Says over the city that its past is shown, and leads back.
 pub(super) fn past_sign(ui: &Ui, rect: Rect, shown: &ViewModel<'_>, actions: &mut Vec<UiAction>) {
     if !shown.past.is_shown {
@@ -304,16 +297,17 @@ pub(super) fn past_sign(ui: &Ui, rect: Rect, shown: &ViewModel<'_>, actions: &mu
                     let past = format!("Past: {} s", decimal.fixed(head.at_s, 2));
                     ui.label(RichText::new(past).strong().color(amber));
                     // The bar above says it, too.
-                    if rect.width() < WIDE_SIGN {
-                        back(ui, actions);
-                        return;
+                    if rect.width() >= WIDE_SIGN {
+                        let drives = match shown.run_state.phase {
+                            RunPhase::Running => "the city drives on at",
+                            _ => "the city is at",
+                        };
+                        ui.label(format!("{drives} {} s", decimal.fixed(head.to_s, 1)));
                     }
-                    let drives = match shown.run_state.phase {
-                        RunPhase::Running => "the city drives on at",
-                        _ => "the city is at",
-                    };
-                    ui.label(format!("{drives} {} s", decimal.fixed(head.to_s, 1)));
-                    back(ui, actions);
+                    let tip = commands::TO_END.tip(ui.ctx(), "Back to the present");
+                    if ui.button("Live").on_hover_text(tip).clicked() {
+                        actions.push(UiAction::PlaybackCommand(PlaybackCommand::Live));
+                    }
                 });
             });
         });
