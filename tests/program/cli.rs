@@ -417,6 +417,30 @@ fn a_collision_fails_the_run_where_it_is_forbidden() {
 }
 
 #[test]
+fn the_log_has_the_moment_of_an_impact_whatever_its_rate() {
+    let out = tempfile::tempdir().unwrap();
+    std::fs::write(out.path().join("crash.toml"), crash(false)).unwrap();
+    let output = city3d(out.path(), &["run", "crash.toml", "--out", "out", "--log-hz", "2"]);
+    assert_eq!(code(&output), 0, "{output:?}");
+    let text = std::fs::read_to_string(out.path().join("out/summary.json")).unwrap();
+    let summary: Value = serde_json::from_str(&text).unwrap();
+    let events = summary["events"].as_array().unwrap();
+    let collision = events.iter().find(|event| event["kind"] == "collision").unwrap();
+    let at_ns = (collision["t"].as_f64().unwrap() * 1e9).round() as u64;
+    let log = std::fs::read(out.path().join("out/run.mcap")).unwrap();
+    let times: Vec<u64> = mcap::MessageStream::new(&log)
+        .unwrap()
+        .map(Result::unwrap)
+        .filter(|message| message.channel.topic.contains("snapshot"))
+        .map(|message| message.log_time)
+        .collect();
+    let is_due = |time: &u64| time % 500_000_000 == 0;
+    assert!(!is_due(&at_ns), "a collision between two states: {at_ns}");
+    assert!(times.iter().any(|time| time.abs_diff(at_ns) < 1_000_000), "{times:?} {at_ns}");
+    assert!(times.iter().filter(|time| !is_due(time)).count() == 1 && times.is_sorted(), "{times:?}");
+}
+
+#[test]
 fn check_prints_one_json_line_a_file() {
     let out = tempfile::tempdir().unwrap();
     std::fs::write(out.path().join("bad.toml"), "nam = 3\n").unwrap();

@@ -3,7 +3,7 @@
 use city3d_protocol::snapshot::Status;
 use city3d_simulation::runner::Summary;
 use serde::Deserialize;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::io::Read;
 use std::path::{Path, PathBuf};
 use thiserror::Error;
@@ -279,8 +279,8 @@ impl RunMeasures {
         names.filter(|name| !is_there(name)).collect()
     }
 
-    /// The measures of this run and of another: those of the whole run, then those of each vehicle that both have, by
-    /// name.
+    /// The measures of this run and of another: those of the whole run, then those of each vehicle by name:
+    /// first of those that both have, then of those that one has alone.
     pub fn beside(&self, other: &Self) -> Vec<MeasurePair> {
         use MeasureUnit::{Count, Metres, MetresPerSecond, Millilitres, Seconds};
         let runs = [self, other];
@@ -304,25 +304,30 @@ impl RunMeasures {
         of_run("least gap", Metres, 2, &|run| run.traffic.min_gap_m);
         let named: BTreeMap<&str, &VehicleMeasures> =
             other.vehicles.values().map(|vehicle| (vehicle.name.as_str(), vehicle)).collect();
-        for first in self.vehicles.values() {
-            if let Some(second) = named.get(first.name.as_str()) {
-                pairs.extend(first.beside(second));
-            }
-        }
+        let (both, alone): (Vec<_>, Vec<_>) = self
+            .vehicles
+            .values()
+            .map(|first| [Some(first), named.get(first.name.as_str()).copied()])
+            .partition(|of| of[1].is_some());
+        let own: BTreeSet<&str> = self.vehicles.values().map(|vehicle| vehicle.name.as_str()).collect();
+        let others = other.vehicles.values().filter(|vehicle| !own.contains(vehicle.name.as_str()));
+        let others = others.map(|second| [None, Some(second)]);
+        pairs.extend(both.into_iter().chain(alone).chain(others).flat_map(VehicleMeasures::pairs));
         pairs
     }
 }
 
 impl VehicleMeasures {
-    fn beside(&self, other: &Self) -> impl Iterator<Item = MeasurePair> {
+    /// The measures of a vehicle in two runs, of which one may be without it.
+    fn pairs(runs: [Option<&Self>; 2]) -> impl Iterator<Item = MeasurePair> {
         use MeasureUnit::{Count, Metres, MetresPerSecond, Seconds};
-        let runs = [self, other];
+        let name = runs.iter().flatten().next().map(|vehicle| vehicle.name.clone());
         let pair = |quantity, unit, digits, value: fn(&Self) -> Option<f64>| MeasurePair {
             quantity,
             unit,
             digits,
-            vehicle: Some(self.name.clone()),
-            values: runs.map(value),
+            vehicle: name.clone(),
+            values: runs.map(|of| of.and_then(value)),
         };
         [
             pair("mean speed", MetresPerSecond, 1, |of| Some(of.mean_speed_mps)),
@@ -443,7 +448,13 @@ mod tests {
         let (a, b) = (run(&[(1, "van"), (2, "bus")]), run(&[(1, "bus"), (7, "tram")]));
         let pairs = a.beside(&b);
         let vehicles: Vec<&str> = pairs.iter().filter_map(|pair| pair.vehicle.as_deref()).collect();
-        assert_eq!(vehicles, ["bus"; 5]);
+        assert_eq!(vehicles, [["bus"; 5], ["van"; 5], ["tram"; 5]].concat());
+        let distances: Vec<[bool; 2]> = pairs
+            .iter()
+            .filter(|pair| pair.vehicle.is_some() && pair.quantity == "distance")
+            .map(|pair| pair.values.map(|value| value.is_some()))
+            .collect();
+        assert_eq!(distances, [[true, true], [true, false], [false, true]]);
         assert_eq!((a.only(&b), b.only(&a)), (vec!["van"], vec!["tram"]));
     }
 

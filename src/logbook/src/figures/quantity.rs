@@ -335,7 +335,9 @@ impl SeriesFigure<'_> {
             row_height: 0.5,
             legend,
             scale: None,
-            note: format!("{} {frame}", quantity.note()).trim_end().to_owned() + self.gaps_note(),
+            note: format!("{} {frame}", quantity.note()).trim_end().to_owned()
+                + &self.rate_note()
+                + self.gaps_note(),
             table,
         }
     }
@@ -343,6 +345,17 @@ impl SeriesFigure<'_> {
     /// What the run is of.
     fn conditions(&self) -> String {
         conditions(self.experiment, self.experiment.physical().next().is_some())
+    }
+
+    /// How far samples are apart, where much may happen between them.
+    fn rate_note(&self) -> String {
+        const TOLD_S: f64 = 0.05;
+        let samples = self.shown.first().map_or(&[][..], |trace| &trace.samples);
+        let mut steps: Vec<f64> = samples.windows(2).map(|pair| pair[1].time_s - pair[0].time_s).collect();
+        steps.sort_by(f64::total_cmp);
+        let usual_s = steps.get(steps.len() / 2).copied().unwrap_or_default();
+        let note = || format!(" A state every {usual_s:.2} s, and at collisions: shorter peaks are not seen.");
+        if usual_s > TOLD_S - 1e-9 { note() } else { String::new() }
     }
 
     /// Why lines have gaps, where a vehicle was not measured.

@@ -277,7 +277,8 @@ impl Recorder {
         })
     }
 
-    /// Records a tick: its digest, its events, and its snapshot when one is due.
+    /// Records a tick: its digest, its events, and its snapshot when one is due. The log has that of a collision besides, so
+    /// that the moment of the impact can be shown.
     ///
     /// # Errors
     /// What went wrong when a file could not be written.
@@ -287,7 +288,8 @@ impl Recorder {
         let items = &mut self.batch.items;
         items.extend(events.iter().cloned().map(Item::Event));
         items.push(Item::Tick { tick, time_s, state_hash });
-        let in_log = tick.is_multiple_of(self.cadence.log_ticks);
+        let in_log = tick.is_multiple_of(self.cadence.log_ticks)
+            || events.iter().any(|event| event.kind.is_collision());
         let in_table = tick.is_multiple_of(self.cadence.table_ticks);
         if in_log || in_table {
             let mut copy = self.batch.recycled.pop().unwrap_or_default();

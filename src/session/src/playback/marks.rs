@@ -204,6 +204,8 @@ pub(super) struct MarkCollector {
     stopped: BTreeMap<VehicleId, f64>,
     /// Vehicles of the laboratory, which feel nothing of a collision with a virtual one.
     physical: BTreeSet<VehicleId>,
+    /// Vehicles that have collided, which stand from then on, wherever they are pushed.
+    collided: BTreeSet<VehicleId>,
 }
 
 impl MarkCollector {
@@ -213,7 +215,13 @@ impl MarkCollector {
     }
 
     fn new(rates: Rates, physical: BTreeSet<VehicleId>) -> Self {
-        Self { rates, drivers: DriverChanges::default(), stopped: BTreeMap::new(), physical }
+        Self {
+            rates,
+            drivers: DriverChanges::default(),
+            stopped: BTreeMap::new(),
+            physical,
+            collided: BTreeSet::new(),
+        }
     }
 
     /// The marks of an entry: none for one that is no event, two where it ends a long stop.
@@ -239,7 +247,9 @@ impl MarkCollector {
     fn long_stop(&mut self, event: &Event) -> Option<TimelineMark> {
         match event.kind {
             EventKind::Stop => {
-                self.stopped.insert(event.vehicle, event.time_s);
+                if !self.collided.contains(&event.vehicle) {
+                    self.stopped.insert(event.vehicle, event.time_s);
+                }
                 None
             }
             // An occlusion neither starts nor ends a stand.
@@ -252,10 +262,11 @@ impl MarkCollector {
                 let since_s = self.stopped.remove(&event.vehicle)?;
                 long_stop(event.vehicle, since_s, event.time_s)
             }
-            EventKind::Collision { with } => {
-                for id in [event.vehicle, with].iter().filter(|id| !self.physical.contains(id)) {
-                    self.stopped.remove(id);
-                }
+            EventKind::Collision { with } => self.wreck(&[event.vehicle, with]),
+            EventKind::CollisionStatic { .. } => self.wreck(&[event.vehicle]),
+            EventKind::Spawn | EventKind::Remove => {
+                self.collided.remove(&event.vehicle);
+                self.stopped.remove(&event.vehicle);
                 None
             }
             _ => {
@@ -263,6 +274,15 @@ impl MarkCollector {
                 None
             }
         }
+    }
+
+    /// Virtual vehicles that have collided: theirs is no stop.
+    fn wreck(&mut self, vehicles: &[VehicleId]) -> Option<TimelineMark> {
+        for id in vehicles.iter().filter(|id| !self.physical.contains(id)) {
+            self.stopped.remove(id);
+            self.collided.insert(*id);
+        }
+        None
     }
 
     /// Long stops that go on at the end of the log.
@@ -347,6 +367,8 @@ mod tests {
         };
         (1..=8).for_each(|id| take(2.0, id, EventKind::Stop));
         take(20.0, 8, EventKind::Collision { with: VehicleId(7) });
+        take(20.5, 8, EventKind::Go { stood_s: 18.5 });
+        take(21.0, 8, EventKind::Stop);
         take(20.0, 6, EventKind::Unseen);
         take(21.0, 6, EventKind::SeenAgain);
         take(12.0, 1, EventKind::Go { stood_s: 10.0 });
@@ -357,7 +379,7 @@ mod tests {
         assert_eq!(
             found,
             [(32.0, 2), (32.0, 4), (32.0, 6), (32.0, 7)],
-            "neither an occlusion nor who runs into a lab vehicle ends a stand"
+            "neither an occlusion nor who runs into a lab vehicle ends a stand, and who has collided makes none"
         );
     }
 }

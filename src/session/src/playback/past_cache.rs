@@ -1,7 +1,7 @@
 //! A bounded cache of past states of a log, coarser than its snapshots, for running plots and figures.
 
 use crate::{KEPT_EVERY_S, PastState, RunHistory};
-use city3d_protocol::snapshot::FrameSnapshot;
+use city3d_protocol::snapshot::{FrameSnapshot, Status};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
@@ -37,11 +37,15 @@ impl PastCache {
         self.revision
     }
 
-    /// Keeps some of the snapshots of a chunk.
+    /// Keeps some of the snapshots of a chunk: those that are due, and those in which a vehicle has collided.
     pub(super) fn insert(&mut self, chunk: usize, snapshots: &[Arc<FrameSnapshot>]) {
         let mut states: Vec<Arc<PastState>> = Vec::new();
+        let mut wrecks = None;
         for snapshot in snapshots {
-            if is_due(states.last(), snapshot.time_s, self.every_s) {
+            let collided = snapshot.vehicles.iter().filter(|vehicle| vehicle.status == Status::Collided);
+            let now = collided.count();
+            let is_impact = wrecks.replace(now).is_some_and(|before| now > before);
+            if is_impact || is_due(states.last(), snapshot.time_s, self.every_s) {
                 states.push(Arc::new(PastState::of(snapshot)));
             }
         }
@@ -95,6 +99,7 @@ fn bytes(states: &[Arc<PastState>]) -> usize {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use city3d_protocol::snapshot::VehicleState;
 
     fn chunk(from_s: f64) -> Vec<Arc<FrameSnapshot>> {
         let at = |k: u32| FrameSnapshot { time_s: from_s + f64::from(k) * 0.02, ..FrameSnapshot::default() };
@@ -114,5 +119,18 @@ mod tests {
         let times: Vec<f64> = history.states().iter().map(|state| state.time_s()).collect();
         assert!(times.is_sorted() && (20..=40).contains(&times.len()), "{times:?}");
         assert!((0..20).all(|number| cache.has(number) && !cache.chunks[&number].is_empty()));
+    }
+
+    #[test]
+    fn the_state_of_an_impact_is_kept_between_those_that_are_due() {
+        let mut snapshots = chunk(3.0);
+        for snapshot in &mut snapshots[7..] {
+            let wreck = VehicleState { status: Status::Collided, ..VehicleState::default() };
+            Arc::make_mut(snapshot).vehicles.push(wreck);
+        }
+        let mut cache = PastCache::default();
+        cache.insert(3, &snapshots);
+        let times: Vec<f64> = cache.chunks[&3].iter().map(|state| state.time_s()).collect();
+        assert!((times[2] - 3.14).abs() < 1e-9 && times.len() <= 11, "{times:?}");
     }
 }

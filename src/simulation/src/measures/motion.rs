@@ -22,7 +22,7 @@ pub struct Motion {
     pub effort: Effort,
     /// How often it came to stand.
     pub stops: u32,
-    /// How long it has stood, also from the start on.
+    /// How long it has stood, also from the start on, until it collides.
     pub stood_s: f64,
     /// Displacement along its heading, from successive positions.
     pub displacement_m: f64,
@@ -91,14 +91,15 @@ impl Motion {
         }
     }
 
-    /// Who has collided comes to stand in no traffic, whatever it is pushed or driven against.
+    /// Who has collided comes to stand in no traffic, whatever it is pushed or driven against: neither its stops nor the
+    /// time that it stands count.
     fn time_stand(&mut self, speed_in_lab_mps: f64, dt_s: f64, has_collided: bool) {
         if self.stands {
             self.stands = speed_in_lab_mps < MOVES_MPS;
         } else if speed_in_lab_mps < STANDS_MPS {
             (self.stands, self.stops) = (true, self.stops + u32::from(!has_collided));
         }
-        if self.stands {
+        if self.stands && !has_collided {
             self.stood_s += dt_s;
         }
     }

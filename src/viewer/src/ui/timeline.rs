@@ -434,6 +434,9 @@ fn speed(ui: &mut Ui, replay: &TimelineView<'_>, actions: &mut Vec<UiAction>) {
     }
 }
 
+/// Room of the tick and of what follows it, points.
+const TICK_WIDTH: f32 = 130.0;
+
 fn clock(ui: &mut Ui, shown: &ViewModel<'_>, replay: &TimelineView<'_>) {
     let head = &replay.head;
     // Fixed width, so that its neighbours do not move.
@@ -448,8 +451,11 @@ fn clock(ui: &mut Ui, shown: &ViewModel<'_>, replay: &TimelineView<'_>) {
     }
     ui.label(RichText::new(text).monospace().strong())
         .on_hover_text("Simulated time, and the time of the log's end");
-    ui.label(RichText::new(format!("tick {:<6}", shown.run_state.now.tick)).weak().monospace())
-        .on_hover_text("Tick of the recorded snapshot that the tables show");
+    // In a narrow window it would be alone in a line of its own.
+    if ui.available_size_before_wrap().x > TICK_WIDTH {
+        ui.label(RichText::new(format!("tick {:<6}", shown.run_state.now.tick)).weak().monospace())
+            .on_hover_text("Tick of the recorded snapshot that the tables show");
+    }
     if replay.is_late {
         ui.spinner().on_hover_text("Reading the log");
     }

@@ -26,7 +26,11 @@ impl Axis {
 
 /// The values of the named lines at a place of the horizontal axis, in the order of the legend; a line that ends before it, or
 /// has a gap there, has none.
-pub(super) fn values_at<'f>(legend: &'f [LegendEntry], panel: &Panel, x: f64) -> Vec<(&'f str, f64)> {
+pub(super) fn values_at<'f>(
+    legend: &'f [LegendEntry],
+    panel: &Panel,
+    x: f64,
+) -> Vec<(&'f LegendEntry, f64)> {
     /// A sample farther away is none of that place, as a share of the axis.
     const NEAR: f64 = 0.01;
     let reach = NEAR * (panel.x.1 - panel.x.0);
@@ -45,7 +49,7 @@ pub(super) fn values_at<'f>(legend: &'f [LegendEntry], panel: &Panel, x: f64) ->
     };
     let of_key = |key: &'f LegendEntry| {
         let line = panel.lines.iter().find(|line| line.stroke == key.stroke)?;
-        Some((key.name.as_str(), value_at(&line.points)?))
+        Some((key, value_at(&line.points)?))
     };
     legend.iter().filter_map(of_key).collect()
 }
@@ -53,12 +57,12 @@ pub(super) fn values_at<'f>(legend: &'f [LegendEntry], panel: &Panel, x: f64) ->
 /// Values of lines at one time in words. `axes` are the labels of the axes.
 pub(super) fn words_at(
     axes: [&str; 2],
-    (x, values): (f64, &[(&str, f64)]),
+    (x, values): (f64, &[(&LegendEntry, f64)]),
     decimal: DecimalSeparator,
 ) -> String {
     let [across, up] = axes.map(Axis::of);
     let head = across.told(&across.name, x, decimal);
-    let lines = values.iter().map(|(name, value)| up.told(name, *value, decimal));
+    let lines = values.iter().map(|(key, value)| up.told(&key.name, *value, decimal));
     std::iter::once(head).chain(lines).collect::<Vec<_>>().join("\n")
 }
 
@@ -98,10 +102,10 @@ mod tests {
         let panel = Panel { x: (0.0, 100.0), lines: vec![line(2, ends), line(1, first)], ..Panel::default() };
         let legend = [entry(1, "1 a"), entry(2, "2 b"), entry(3, "none")];
         let told = values_at(&legend, &panel, 20.04);
-        assert_eq!((told[0].0, told[1]), ("1 a", ("2 b", 6.0)));
+        assert_eq!((told[0].0.name.as_str(), told[1]), ("1 a", (&legend[1], 6.0)));
         assert!((told[0].1 - 200.4).abs() < 1e-9, "between two samples: {told:?}");
-        assert_eq!(values_at(&legend, &panel, 40.0), [("1 a", 400.0)], "a gap has no value");
-        let words = words_at(["Time [s]", "Speed [km/h]"], (20.04, &[("1 a", 2.0)]), DecimalSeparator::Point);
+        assert_eq!(values_at(&legend, &panel, 40.0), [(&legend[0], 400.0)], "a gap has no value");
+        let words = words_at(["Time [s]", "Speed [km/h]"], (20.04, &[(&legend[0], 2.0)]), DecimalSeparator::Point);
         assert_eq!(words, "Time: 20.04 s\n1 a: 2.00 km/h");
     }
 

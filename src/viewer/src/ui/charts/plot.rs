@@ -7,7 +7,9 @@ use super::labels::LabelRoom;
 use city3d_geometry::trig;
 use city3d_logbook::figures::chart::{Colour, Dash, Figure, Panel};
 use egui::{Align2, Color32, RichText, Ui};
-use egui_plot::{AxisHints, GridMark, HLine, Line, LineStyle, Plot, PlotPoint, PlotPoints, Text, VLine};
+use egui_plot::{
+    AxisHints, GridMark, HLine, Line, LineStyle, Plot, PlotPoint, PlotPoints, Points, Text, VLine,
+};
 
 /// What the horizontal axis of a figure is.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -107,7 +109,7 @@ pub(super) fn show(
             for piece in pieces(&line.points) {
                 let points: PlotPoints<'_> = decimated(piece, panel.x, buckets).into();
                 let width = if line.stroke.width_pt > WIDE_PT { 2.5 } else { 1.5 };
-                let drawn = Line::new(name, points).color(colour).width(width);
+                let drawn = Line::new(name, points).color(colour).width(width).allow_hover(!tells_all);
                 plot.line(drawn.style(style_of(line.stroke.dash)));
             }
         }
@@ -130,6 +132,13 @@ pub(super) fn show(
         if let Some(at_s) = at_s {
             plot.vline(VLine::new("shown time", at_s).color(grey).width(1.0));
         }
+        if let Some(at) = plot.pointer_coordinate().filter(|_| tells_all && plot.response().hovered()) {
+            for (key, value) in hover::values_at(&figure.legend, panel, at.x) {
+                let colour = on_ground(&context, key.stroke.colour);
+                let dot = Points::new("", [at.x, value]).color(colour).radius(DOT).allow_hover(false);
+                plot.points(dot);
+            }
+        }
         plot.response().clicked().then(|| plot.pointer_coordinate()).flatten()
     });
     if across == Across::Anything {
@@ -150,6 +159,8 @@ pub(super) fn show(
 
 /// Lines that are wider on paper are wide on the screen too, points.
 const WIDE_PT: f64 = 2.0;
+/// Radius of a dot on a line at the time under the mouse, points.
+const DOT: f32 = 3.0;
 /// Of the name of a line, with the room around it, points.
 const NAME_HEIGHT: f64 = 20.0;
 

@@ -260,7 +260,7 @@ fn tip_of(quantity: &str) -> Option<&'static str> {
     match quantity {
         "slow stops" => Some(traffic::STOPS),
         "time in slow stops, all together" => Some(
-            "From below 0.5 m/s until above 1 m/s, of vehicles on their routes, also where these end; one that has collided stands from then on, though it makes no slow stop",
+            "From below 0.5 m/s until above 1 m/s, of vehicles on their routes, also where these end. One that has collided counts no longer",
         ),
         "mean speed" => Some(traffic::MEAN_SPEED),
         "mean delay" => Some(traffic::DELAY),
