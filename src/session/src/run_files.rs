@@ -1,18 +1,15 @@
 //! Files of a run: `run.mcap`, `vehicles.csv` and `summary.json`.
 
-use super::decision_sampler::DecisionSampler;
+mod open_run;
+
 use super::end::{End, EndFailure, EndHealth, RunAccount};
 use super::overwrite::{RUN_FILES, run_folders};
-use super::plan_sampler::PlanSampler;
-use super::{Inputs, Moment, MomentKind, Overwrite, SessionError};
-use city3d_control::Mainframe;
-use city3d_logbook::record::{
-    Backpressure, Cadence, ClosingFiles, FileWork, FolderWork, LogOrigin, RecordError, Recorder,
-};
-use city3d_outputs::{OutputError, OutputFolder, WholeFile, refuse_inputs};
-use city3d_protocol::snapshot::{Event, FrameSnapshot};
-use city3d_simulation::runner::{Observer, Summary};
+use super::{Moment, MomentKind, Overwrite, SessionError};
+use city3d_logbook::record::{Backpressure, Cadence, ClosingFiles, FolderWork, LogOrigin, Recorder};
+use city3d_outputs::{OutputFolder, refuse_inputs};
+use city3d_simulation::runner::Summary;
 use city3d_simulation::scenario::Experiment;
+use open_run::{LockedFolder, OpenRun};
 use std::error::Error;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -137,25 +134,6 @@ pub struct RunFiles {
     written: Arc<Mutex<FilesWritten>>,
     health: EndHealth,
 }
-
-/// The files of the present run.
-struct OpenRun {
-    folder: LockedFolder,
-    recorder: Option<Recorder>,
-    observer: Observer,
-    events: Vec<Event>,
-    tick_events: Vec<Event>,
-    /// What the log tells of decisions and plans.
-    decisions: DecisionSampler,
-    plans: PlanSampler,
-    start: Instant,
-    steps: Duration,
-    /// What it had come to at the end of the scenario.
-    at_scenario_end: Option<Arc<Summary>>,
-}
-
-/// The folder of a run, once it is locked: who has it may write there.
-type LockedFolder = Arc<Mutex<Option<Arc<OutputFolder>>>>;
 
 impl RunFiles {
     /// The files of the runs of a session; nothing is written before the first one begins.
@@ -341,18 +319,7 @@ impl RunFiles {
         (written.folder, written.outcome) = (folder, None);
         written.next_folder = self.folders.of(self.run + 1);
         drop(written);
-        self.open = Some(OpenRun {
-            folder: locked,
-            recorder,
-            observer: Observer::new(experiment),
-            events: Vec::new(),
-            tick_events: Vec::new(),
-            decisions: DecisionSampler::default(),
-            plans: PlanSampler::default(),
-            start,
-            steps: Duration::ZERO,
-            at_scenario_end: None,
-        });
+        self.open = Some(OpenRun::new(locked, recorder, (experiment, start)));
     }
 
     fn warn_of_rates(&self, experiment: &Experiment) {
@@ -372,7 +339,7 @@ impl RunFiles {
         drop(written);
         self.health.failure.get_or_insert(failure);
         if let Some(open) = &mut self.open {
-            open.recorder = None;
+            open.drop_recorder();
         }
     }
 }
@@ -438,7 +405,7 @@ impl End for RunFiles {
 impl Drop for RunFiles {
     fn drop(&mut self) {
         // A run that was given up has a whole log, and no summary.
-        let given_up = self.open.take().and_then(|open| open.recorder);
+        let given_up = self.open.take().and_then(OpenRun::give_up);
         if let Some(Ok(closing)) = given_up.map(|recorder| recorder.close(Box::new(|| Ok(())))) {
             self.closing.push(closing);
         }
@@ -450,7 +417,7 @@ impl RunFiles {
     /// Records the commands that led to a moment, and what has come of them.
     fn record(&mut self, moment: &Moment<'_>) {
         let Some(open) = &mut self.open else { return };
-        let is_recorded = open.recorder.is_some();
+        let is_recorded = open.is_recorded();
         match open.record(moment) {
             Ok(()) if is_recorded => self.health.delivered += 1,
             Ok(()) if self.health.failure.is_some() => self.health.dropped += 1,
@@ -462,115 +429,11 @@ impl RunFiles {
         }
         let is_at_end = moment.kind == MomentKind::Tick && moment.snapshot.tick == moment.experiment.ticks();
         if let Some(open) = self.open.as_mut().filter(|_| is_at_end) {
-            let summary = Arc::new(open.summary(moment, open.events.clone(), self.wall_time));
-            open.at_scenario_end = Some(Arc::clone(&summary));
+            let summary = open.reach_scenario_end(moment, self.wall_time);
             let mut written = self.written.lock().unwrap_or_else(PoisonError::into_inner);
             written.outcome = Some(summary);
         }
     }
-}
-
-impl OpenRun {
-    fn record(&mut self, moment: &Moment<'_>) -> Result<(), SessionError> {
-        if let Some(recorder) = &mut self.recorder {
-            record_inputs(recorder, moment)?;
-        }
-        match moment.kind {
-            MomentKind::First => match &mut self.recorder {
-                Some(recorder) => Ok(recorder.record(moment.snapshot, &[])?),
-                None => Ok(()),
-            },
-            MomentKind::Tick => self.tick(moment),
-            MomentKind::Applied | MomentKind::Still => Ok(()),
-        }
-    }
-
-    fn tick(&mut self, moment: &Moment<'_>) -> Result<(), SessionError> {
-        self.steps += moment.timing.lasted();
-        self.tick_events.clear();
-        self.tick_events.extend_from_slice(&moment.snapshot.events);
-        self.observer.observe(moment.mainframe, moment.snapshot, &mut self.tick_events);
-        let recorded = match &mut self.recorder {
-            Some(recorder) => {
-                let FrameSnapshot { tick, time_s, .. } = *moment.snapshot;
-                recorder.decisions((tick, time_s), &self.decisions.of_moment(moment));
-                recorder.plans((tick, time_s), &self.plans.of_moment(moment));
-                recorder.record(moment.snapshot, &self.tick_events)
-            }
-            None => Ok(()),
-        };
-        self.events.append(&mut self.tick_events);
-        Ok(recorded?)
-    }
-
-    /// What the run has come to with the snapshot of a moment.
-    fn summary(&self, last: &Moment<'_>, events: Vec<Event>, wall_time: WallTime) -> Summary {
-        let wall = match wall_time {
-            WallTime::Whole => last.timing.done.saturating_duration_since(self.start),
-            WallTime::Steps => self.steps,
-        };
-        Summary::new(last.experiment, &self.observer, last.snapshot, events, wall.as_secs_f64())
-    }
-
-    /// The summary, and the files that close with it.
-    fn finish(
-        mut self,
-        last: &Moment<'_>,
-        account: &RunAccount,
-        origin: LogOrigin,
-        wall_time: WallTime,
-    ) -> (Summary, Option<Result<ClosingFiles, RecordError>>) {
-        let events = std::mem::take(&mut self.events);
-        let summary = self.summary(last, events, wall_time);
-        let stopped_at_tick = account.is_stopped.then_some(last.snapshot.tick);
-        let went_on = |at_end: &Arc<Summary>| at_end.simulated_s < summary.simulated_s;
-        let at_scenario_end = self.at_scenario_end.filter(went_on).map(|at_end| {
-            // They are the first ones of the whole run.
-            Box::new(Summary { events: Vec::new(), ..Summary::clone(&at_end) })
-        });
-        let summary = Summary {
-            coordination: last.mainframe.and_then(Mainframe::coordination_report),
-            link: account.link.clone(),
-            ends: account.ends.clone(),
-            stopped_at_tick,
-            at_scenario_end,
-            ..summary
-        };
-        let summary = if origin.has_world() { summary } else { summary.of_poses() };
-        let (locked, of_files) = (self.folder, summary.clone());
-        let path = locked_path(&locked);
-        let write: FileWork = Box::new(move || match locked_path(&locked) {
-            Some(folder) => Ok(write_summary(&folder, &of_files)?),
-            None => Ok(()),
-        });
-        let closing = match (self.recorder, path) {
-            (Some(recorder), _) => Some(recorder.close(write)),
-            // There is no log, or it has failed; the summary may still find room.
-            (None, Some(folder)) => Some(ClosingFiles::by_thread(&folder, write)),
-            (None, None) => None,
-        };
-        (summary, closing)
-    }
-}
-
-fn record_inputs(recorder: &mut Recorder, moment: &Moment<'_>) -> Result<(), SessionError> {
-    let (tick, time_s) = moment.from;
-    match moment.inputs {
-        Inputs::None => {}
-        Inputs::Commands(commands) => recorder.commands(tick, time_s, commands),
-        Inputs::Network(applied, labels) => {
-            for applied in applied {
-                recorder.network(time_s, labels.logged(tick, applied)?)?;
-            }
-        }
-    }
-    Ok(())
-}
-
-/// The path of a folder that is locked already.
-fn locked_path(locked: &LockedFolder) -> Option<PathBuf> {
-    let folder = locked.lock().unwrap_or_else(PoisonError::into_inner);
-    folder.as_ref().map(|folder| folder.path().to_path_buf())
 }
 
 /// Locks the folder of a run unless that was done before, and removes an earlier run with its parts: nothing of it is
@@ -595,11 +458,4 @@ fn prepare_folder(
         let _ = std::fs::remove_dir(&part);
     }
     Ok(locked)
-}
-
-fn write_summary(folder: &Path, summary: &Summary) -> Result<(), SessionError> {
-    let path = folder.join("summary.json");
-    let text = serde_json::to_string_pretty(summary)?;
-    let written = WholeFile::write(&path, text.as_bytes());
-    Ok(written.map_err(|source| OutputError::File { path, source })?)
 }

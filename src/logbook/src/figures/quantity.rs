@@ -354,7 +354,8 @@ impl SeriesFigure<'_> {
         let mut steps: Vec<f64> = samples.windows(2).map(|pair| pair[1].time_s - pair[0].time_s).collect();
         steps.sort_by(f64::total_cmp);
         let usual_s = steps.get(steps.len() / 2).copied().unwrap_or_default();
-        let note = || format!(" A state every {usual_s:.2} s, and at collisions: shorter peaks are not seen.");
+        let note =
+            || format!(" A state every {usual_s:.2} s, and at collisions: shorter peaks are not seen.");
         if usual_s > TOLD_S - 1e-9 { note() } else { String::new() }
     }
 

@@ -26,11 +26,7 @@ impl Axis {
 
 /// The values of the named lines at a place of the horizontal axis, in the order of the legend; a line that ends before it, or
 /// has a gap there, has none.
-pub(super) fn values_at<'f>(
-    legend: &'f [LegendEntry],
-    panel: &Panel,
-    x: f64,
-) -> Vec<(&'f LegendEntry, f64)> {
+pub(super) fn values_at<'f>(legend: &'f [LegendEntry], panel: &Panel, x: f64) -> Vec<(&'f LegendEntry, f64)> {
     /// A sample farther away is none of that place, as a share of the axis.
     const NEAR: f64 = 0.01;
     let reach = NEAR * (panel.x.1 - panel.x.0);
@@ -105,7 +101,8 @@ mod tests {
         assert_eq!((told[0].0.name.as_str(), told[1]), ("1 a", (&legend[1], 6.0)));
         assert!((told[0].1 - 200.4).abs() < 1e-9, "between two samples: {told:?}");
         assert_eq!(values_at(&legend, &panel, 40.0), [(&legend[0], 400.0)], "a gap has no value");
-        let words = words_at(["Time [s]", "Speed [km/h]"], (20.04, &[(&legend[0], 2.0)]), DecimalSeparator::Point);
+        let words =
+            words_at(["Time [s]", "Speed [km/h]"], (20.04, &[(&legend[0], 2.0)]), DecimalSeparator::Point);
         assert_eq!(words, "Time: 20.04 s\n1 a: 2.00 km/h");
     }
 
