@@ -117,7 +117,7 @@ pub enum UiAction {
     /// The run is reset: the user was asked.
     ResetConfirmed,
     /// The measures of the present run beside those of another one: its folder or its log.
-    CompareWith(std::path::PathBuf),
+    CompareWith(PathBuf),
     /// Another quality or time of day; the city's renderer is built again.
     Look(Look),
     /// A device mapping has changed and is to be stored.
@@ -257,8 +257,6 @@ pub struct UiState {
     pub lapse_s: f64,
     /// Length of a video that ends by itself, seconds.
     pub video_lasts_s: f64,
-    /// The video that was written last.
-    pub last_video: Option<PathBuf>,
     /// What videos show.
     pub video_subject: VideoSubject,
     /// Size of the large view, pixels of the screen.
@@ -319,7 +317,6 @@ impl UiState {
             run_until: RunUntilState::default(),
             lapse_s: 1.0,
             video_lasts_s: 10.0,
-            last_video: None,
             video_subject: VideoSubject::default(),
             city_pixels: [1, 1],
             is_scrubbing: false,

@@ -145,7 +145,7 @@ pub(super) fn button(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>, ac
             }
         });
         ui.separator();
-        if let Some(file) = &state.last_video {
+        if let Some(file) = shown.last_video {
             ui.horizontal(|ui| {
                 let name = file.file_name().unwrap_or_default().to_string_lossy();
                 let whole = file.display().to_string();

@@ -11,6 +11,7 @@ use city3d_session::playback::{Playhead, TimelineMark};
 use city3d_session::{RunHistory, RunState};
 use city3d_simulation::measures::Tracked;
 use std::collections::BTreeMap;
+use std::path::Path;
 
 /// Names of the control algorithms, by vehicle.
 pub type DriverNames = BTreeMap<VehicleId, String>;
@@ -83,6 +84,8 @@ pub struct ViewModel<'a> {
     pub chart: ChartView<'a>,
     /// The video that is being recorded.
     pub video: Option<VideoStatus>,
+    /// The video that was written last.
+    pub last_video: Option<&'a Path>,
     /// The scenario that is edited; then the vehicles are shown as it starts them.
     pub edit: Option<EditView<'a>>,
 }

@@ -360,7 +360,7 @@ impl OpenWindow {
     /// Shows how the recording of a video does, and says what has become of it.
     fn tell_of_videos(&mut self) {
         self.viewer.video = self.videos.status();
-        self.viewer.state.last_video = self.videos.last().map(Path::to_path_buf);
+        self.viewer.last_video = self.videos.last().map(Path::to_path_buf);
         if let Some(said) = self.videos.try_said(self.viewer.state.preferences.decimal) {
             self.say(said);
         }

@@ -35,6 +35,7 @@ use city3d_simulation::scenario::{Experiment, ScenarioRequest, shipped_scenarios
 use city3d_simulation::sim::World;
 use shown_status::before_start;
 use std::collections::BTreeMap;
+use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -115,6 +116,8 @@ pub struct ViewerState {
     curves: ComparedCurves,
     /// The video that is being recorded.
     pub video: Option<VideoStatus>,
+    /// The video that was written last.
+    pub last_video: Option<PathBuf>,
     traffic: LiveTraffic,
     interpolated: FrameSnapshot,
     /// Time of the state that the numbers show, simulated seconds.
@@ -225,6 +228,7 @@ impl ViewerState {
             history: RunHistory::default(),
             past: PastPlayer::default(),
             video: None,
+            last_video: None,
             clock_s: interpolated.time_s,
             interpolated,
             scenarios: shipped_scenarios().map(choice).collect(),
@@ -444,6 +448,7 @@ impl ViewerState {
             step_s: self.experiment.rates.dt_s(),
             chart: self.figures.view(),
             video: self.video,
+            last_video: self.last_video.as_deref(),
             edit: editor.map(ScenarioEditor::view),
         };
         ui::show(ui, &mut self.state, &shown)

@@ -284,6 +284,7 @@ impl Desk {
                 ..ChartView::default()
             },
             video: self.video,
+            last_video: None,
             edit: self.edit.as_ref().map(|edit| EditView {
                 vehicles: &edit.vehicles,
                 types: &edit.types,
