@@ -115,8 +115,8 @@ impl Occurrence {
             EventKind::CollisionStatic { with } => format!("collision with {with}"),
             EventKind::LinkLost => "link lost".to_owned(),
             EventKind::LinkBack => "link back".to_owned(),
-            EventKind::Unseen => "unseen".to_owned(),
-            EventKind::SeenAgain => "seen again".to_owned(),
+            EventKind::Unseen => "not tracked".to_owned(),
+            EventKind::SeenAgain => "tracked again".to_owned(),
             EventKind::Finish => "finish".to_owned(),
             EventKind::Remove => "removed".to_owned(),
         }

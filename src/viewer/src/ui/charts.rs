@@ -344,8 +344,8 @@ fn draw(
 }
 
 /// What the colours of lines are.
-const LINE_COLOURS: &str = "A line has the colour of its vehicle's body, as dark or light as the ground needs, or another one where bodies are alike; \
-     the colours of instance pictures are others";
+const LINE_COLOURS: &str = "A line has the colour of its vehicle's body, as dark or light as the ground needs, and other dashes \
+     where bodies are alike; the colours of instance pictures are others";
 
 fn legend(ui: &mut Ui, figure: &Figure) {
     ui.horizontal_wrapped(|ui| {

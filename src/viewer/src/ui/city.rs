@@ -398,6 +398,15 @@ fn followed(ui: &Ui, rect: Rect, state: &UiState, shown: &ViewModel<'_>) {
     painter.galley(place.min + egui::vec2(swatch + 6.0, 0.0), text, Color32::WHITE);
 }
 
+/// Where panels float over the city.
+fn floating_windows(context: &egui::Context) -> Vec<Rect> {
+    context.memory(|memory| {
+        let layers = memory.areas().visible_layer_ids().into_iter();
+        let windows = layers.filter(|layer| layer.order == egui::Order::Middle);
+        windows.filter_map(|layer| memory.area_rect(layer.id)).collect()
+    })
+}
+
 /// Shows the message, above a lower edge: at the bottom, for titles and buttons of windows are at the top. At the top where a
 /// dialog reaches far down, or where it would hide what it tells of alone at the bottom.
 fn notice(ui: &Ui, (rect, bottom): (Rect, f32), state: &mut UiState, shown: &ViewModel<'_>) {
@@ -425,9 +434,13 @@ fn notice(ui: &Ui, (rect, bottom): (Rect, f32), state: &mut UiState, shown: &Vie
         .filter_map(|vehicle| on_screen(vehicle.id, state, shown, rect))
         .chain(watched(state, shown, rect))
         .collect();
-    let hides = |place: &Rect| told.iter().any(|vehicle| vehicle.intersects(place.expand(8.0)));
+    let windows = floating_windows(ui.ctx());
+    // Those that have collided before panels that float.
+    let hides = |place: &Rect| {
+        [&told, &windows].map(|all| all.iter().any(|hidden| hidden.intersects(place.expand(8.0))))
+    };
     let [at_bottom, at_top] = placed;
-    let (place, galley) = match state.runs.is_modal() || (hides(&at_bottom.0) && !hides(&at_top.0)) {
+    let (place, galley) = match state.runs.is_modal() || hides(&at_top.0) < hides(&at_bottom.0) {
         true => at_top,
         false => at_bottom,
     };

@@ -457,6 +457,8 @@ fn nothing(shown: &ViewModel<'_>) -> &'static str {
 /// Whom a vehicle yields to, beside the one that the event tells.
 const YIELD: &str = "Show where and when it happened. It tells to whom the vehicle yielded at first: before it goes it may yield to others there, whom the inspector tells";
 
+const UNSEEN: &str = "Show where and when it happened: motion capture lost sight of this lab vehicle, so that its pose is not known until it is tracked again";
+
 const GO: &str = "Show where and when it happened: it is told once the vehicle has left the place, and counts as standing until it moves";
 
 /// Shows the rows, which may have to stay where they are; returns the one that was clicked.
@@ -510,6 +512,7 @@ fn list(
                 let tip = match mark.what {
                     Occurrence::Event(EventKind::Go { .. }) => GO,
                     Occurrence::YieldTo(_) => YIELD,
+                    Occurrence::Event(EventKind::Unseen) => UNSEEN,
                     _ => "Show where and when it happened",
                 };
                 if line.response().on_hover_text(with_remark(shown, mark, tip)).clicked() {

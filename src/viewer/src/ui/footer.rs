@@ -3,6 +3,9 @@
 use super::{CityKind, ViewModel, commands, help};
 use egui::{Align, Label, Layout, RichText, Ui};
 
+/// Room of a text that is cut, points.
+const LEAST_TEXT: f32 = 60.0;
+
 /// The lowest bar: keys, where the run is recorded, its conditions, pictures a second.
 pub(super) fn show(ui: &mut Ui, shown: &ViewModel<'_>) {
     let cut = |ui: &mut Ui, text: RichText| ui.add(Label::new(text.small()).truncate());
@@ -21,7 +24,9 @@ pub(super) fn show(ui: &mut Ui, shown: &ViewModel<'_>) {
         // Where there is little room, the keys are cut and the rest is left out.
         ui.with_layout(Layout::left_to_right(Align::Center), |ui| {
             cut(ui, help::reminder(&commands::key_map::of(ui.ctx()), shown).into());
-            ui.with_layout(from_right, |ui| cut(ui, RichText::new(shown.footer).weak()));
+            if ui.available_width() > LEAST_TEXT {
+                ui.with_layout(from_right, |ui| cut(ui, RichText::new(shown.footer).weak()));
+            }
         });
     };
     ui.horizontal(|ui| ui.with_layout(from_right, row));

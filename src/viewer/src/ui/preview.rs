@@ -296,10 +296,17 @@ fn picker(ui: &mut Ui, width: f32, preview: &mut Preview, cameras: &[ScenarioCam
 }
 
 /// Which vehicle it is, and its status.
+/// Room of a status that is cut, points.
+const LEAST_STATUS: f32 = 30.0;
+
 fn heading(ui: &mut Ui, shown: &ViewModel<'_>, (vehicle, info): (&VehicleState, &VehicleInfo)) {
     let [r, g, b] = info.appearance.colour;
     super::vehicles::chip(ui, Color32::from_rgb(r, g, b), info.is_physical());
     ui.label(RichText::new(format!("{} {}", vehicle.id, info.name)).strong());
+    // Cut to its dots alone it would run into the button.
+    if ui.available_width() < LEAST_STATUS {
+        return;
+    }
     let colour = theme::on_panel(ui.ctx(), vehicle.status);
     let text = RichText::new(status::label(vehicle.status)).color(colour);
     ui.add(egui::Label::new(text).truncate()).on_hover_ui(|ui| {

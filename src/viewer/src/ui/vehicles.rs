@@ -307,7 +307,14 @@ fn grid(
             for &(k, _) in &columns.shown {
                 let (key, title, tip) = SortKey::COLUMNS[k];
                 let title = if key == SortKey::Speed { units.0.label() } else { title };
-                header.col(|ui| heading(ui, table, key, (title, tip)));
+                header.col(|ui| match key {
+                    // Above their numbers.
+                    SortKey::X | SortKey::Y | SortKey::Speed => {
+                        let layout = Layout::right_to_left(Align::Center);
+                        ui.with_layout(layout, |ui| heading(ui, table, key, (title, tip)));
+                    }
+                    _ => heading(ui, table, key, (title, tip)),
+                });
             }
         })
         .body(|body| {
@@ -381,7 +388,10 @@ fn heading(ui: &mut Ui, table: &mut TableState, key: SortKey, (title, tip): (&st
     button.widget_info(|| egui::WidgetInfo::labeled(egui::Role::Button, true, &name));
     if sorts {
         // Drawn, as a character would not fit beside the title in a narrow column.
-        let left = button.rect.right().min(ui.max_rect().right() - SORT_MARK.x) + 1.0;
+        let left = match ui.layout().prefer_right_to_left() {
+            true => (button.rect.left() - SORT_MARK.x).max(ui.max_rect().left()) - 1.0,
+            false => button.rect.right().min(ui.max_rect().right() - SORT_MARK.x) + 1.0,
+        };
         let rect = egui::Rect::from_center_size(
             egui::pos2(left + SORT_MARK.x / 2.0, button.rect.center().y),
             SORT_MARK,

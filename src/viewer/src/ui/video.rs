@@ -116,6 +116,19 @@ pub(super) fn button(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>, ac
         return;
     }
     let (menu, _) = MenuButton::new("\u{23f7}").config(super::menu_with_fields()).ui(ui, |ui| {
+        // The menu opens upwards: what is above moves nothing.
+        if let Some(file) = shown.last_video {
+            ui.horizontal(|ui| {
+                let name = file.file_name().unwrap_or_default().to_string_lossy();
+                let whole = file.display().to_string();
+                ui.label(RichText::new(format!("Last: {name}")).small()).on_hover_text(&whole);
+                ui.visuals_mut().widgets.inactive = ui.ctx().global_style().visuals.widgets.inactive;
+                if ui.small_button("Copy path").on_hover_text(&whole).clicked() {
+                    ui.ctx().copy_text(whole);
+                }
+            });
+            ui.separator();
+        }
         for (subject, name) in VideoSubject::ALL {
             ui.radio_value(&mut state.video_subject, subject, name);
         }
@@ -145,18 +158,6 @@ pub(super) fn button(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>, ac
             }
         });
         ui.separator();
-        if let Some(file) = shown.last_video {
-            ui.horizontal(|ui| {
-                let name = file.file_name().unwrap_or_default().to_string_lossy();
-                let whole = file.display().to_string();
-                ui.label(RichText::new(format!("Last: {name}")).small()).on_hover_text(&whole);
-                ui.visuals_mut().widgets.inactive = ui.ctx().global_style().visuals.widgets.inactive;
-                if ui.small_button("Copy path").on_hover_text(&whole).clicked() {
-                    ui.ctx().copy_text(whole);
-                }
-            });
-            ui.separator();
-        }
         if ui.add(Button::new("Save a screenshot").shortcut_text(SCREENSHOT.key(ui.ctx()))).clicked() {
             actions.push(UiAction::Screenshot);
             ui.close();

@@ -2,7 +2,7 @@
 //! files. On paper they are as dark as white ground needs.
 
 use crate::ui::{colour_difference, legible_line};
-use city3d_logbook::figures::chart::{Colour, Dash, Figure, LineStyle, PALETTE};
+use city3d_logbook::figures::chart::{Colour, Dash, Figure, LineStyle};
 use city3d_protocol::snapshot::{VehicleId, VehicleInfo};
 use egui::Color32;
 use std::collections::BTreeMap;
@@ -29,7 +29,6 @@ impl Bodies {
         let mut styles: Vec<(LineStyle, LineStyle)> = Vec::new();
         for entry in &mut figure.legend {
             let Some(colour) = self.colour(&entry.name) else { continue };
-            let colour = if is_apart(&styles, colour) { colour } else { another(&styles, colour) };
             let is_alike = |style: &&(LineStyle, LineStyle)| difference(style.1.colour, colour) < ALIKE;
             let dash = DASHES[styles.iter().filter(is_alike).count() % DASHES.len()];
             let style = LineStyle { colour, dash, ..entry.stroke };
@@ -72,17 +71,6 @@ impl Bodies {
     }
 }
 
-/// Whether no line has a colour like this one.
-fn is_apart(styles: &[(LineStyle, LineStyle)], colour: Colour) -> bool {
-    styles.iter().all(|style| difference(style.1.colour, colour) >= ALIKE)
-}
-
-/// A colour of figures that no line has yet, for a body like one that is drawn; its own, which then gets another dash, where there
-/// is none.
-fn another(styles: &[(LineStyle, LineStyle)], own: Colour) -> Colour {
-    PALETTE.into_iter().find(|colour| is_apart(styles, *colour)).unwrap_or(own)
-}
-
 /// The colour as it is legible on white.
 pub(super) fn on_paper([r, g, b]: Colour) -> Colour {
     let dark = legible_line(Color32::from_rgb(r, g, b), Color32::WHITE);
@@ -102,10 +90,10 @@ fn difference(a: Colour, b: Colour) -> f64 {
 mod tests {
     use super::*;
     use city3d_logbook::figures::TidyTable;
-    use city3d_logbook::figures::chart::{ChartLine, LegendEntry, Panel};
+    use city3d_logbook::figures::chart::{ChartLine, LegendEntry, PALETTE, Panel};
 
     #[test]
-    fn lines_have_the_colours_of_the_bodies_and_like_bodies_have_others() {
+    fn lines_have_the_colours_of_the_bodies_and_dashes_where_these_are_alike() {
         let mut bodies = Bodies::default();
         let colours = [[200, 30, 30], [30, 60, 200], [205, 35, 30]];
         for (k, colour) in colours.into_iter().enumerate() {
@@ -129,9 +117,7 @@ mod tests {
         let drawn = |style: LineStyle| (style.colour, style.dash);
         let legend: Vec<_> = figure.legend.iter().map(|entry| drawn(entry.stroke)).collect();
         assert_eq!(legend[..2], [0, 1].map(|k| (colours[k], Dash::Solid)));
-        let (third, dash) = legend[2];
-        assert!(dash == Dash::Solid && PALETTE.contains(&third), "a colour of its own: {third:?}");
-        assert!(colours[..2].iter().all(|other| difference(*other, third) >= ALIKE), "{third:?}");
+        assert_eq!(legend[2], (colours[2], Dash::Dashed));
         assert_eq!(legend[3], drawn(stroke(3)), "what is no vehicle keeps its style");
         let lines: Vec<_> = figure.panels[0].lines.iter().rev().map(|line| drawn(line.stroke)).collect();
         assert_eq!(lines, legend);

@@ -10,6 +10,7 @@ use egui::accesskit::Role;
 use egui::{Key, Modifiers, PointerButton, Pos2};
 use egui_kittest::Harness;
 use egui_kittest::kittest::Queryable;
+use std::sync::Arc;
 
 /// A window that edits a file with three vehicles.
 fn editing() -> Desk {
@@ -75,6 +76,36 @@ fn a_lane_that_is_added_to_a_route_comes_into_sight() {
     harness.run_steps(60);
     let at = bottom(&harness, &lanes[29]);
     assert!((list.bottom()..720.0).contains(&at), "{at}");
+}
+
+#[test]
+fn beside_a_lab_vehicle_all_start_from_rest() {
+    let mut harness = harness(editing());
+    assert!(!has_text(&harness, "0: from rest"));
+    harness.state_mut().change(|now| {
+        let roster = Arc::make_mut(&mut now.roster);
+        roster[0].model = "measured".to_owned();
+    });
+    harness.run_steps(4);
+    harness.get_by_label("0: from rest");
+}
+
+#[test]
+fn a_low_editor_scrolls_as_a_whole() {
+    let mut harness = harness(editing());
+    // 1280x720 at 200 %.
+    harness.set_size(egui::vec2(640.0, 360.0));
+    harness.run_steps(10);
+    let right = harness.ctx.content_rect().right();
+    for label in ["Undo", "Remove", "2 car2", "At its end"] {
+        let rect = harness.get_by_label(label).rect();
+        assert!(rect.right() <= right, "{label}: {rect:?} in {right}");
+    }
+    assert!(harness.get_by_label("At its end").rect().top() > 330.0, "below what is in sight");
+    harness.get_by_label("At its end").scroll_to_me();
+    harness.run_steps(20);
+    let end = harness.get_by_label("At its end").rect();
+    assert!(end.top() > 60.0 && end.bottom() < 340.0, "{end:?}");
 }
 
 #[test]

@@ -24,6 +24,17 @@ impl Axis {
     }
 }
 
+/// The time of the state nearest to a time: of the samples of all lines that are named.
+pub(super) fn nearest_time_s(panel: &Panel, time_s: f64) -> Option<f64> {
+    let near = |points: &[(f64, f64)]| {
+        let next = points.partition_point(|(at, _)| *at < time_s);
+        let around = &points[next.saturating_sub(1)..points.len().min(next + 1)];
+        around.iter().map(|(at, _)| *at).min_by(|a, b| (a - time_s).abs().total_cmp(&(b - time_s).abs()))
+    };
+    let nearest = panel.lines.iter().filter_map(|line| near(&line.points));
+    nearest.min_by(|a, b| (a - time_s).abs().total_cmp(&(b - time_s).abs()))
+}
+
 /// The values of the named lines at a place of the horizontal axis, in the order of the legend; a line that ends before it, or
 /// has a gap there, has none.
 pub(super) fn values_at<'f>(legend: &'f [LegendEntry], panel: &Panel, x: f64) -> Vec<(&'f LegendEntry, f64)> {
@@ -100,6 +111,8 @@ mod tests {
         let told = values_at(&legend, &panel, 20.04);
         assert_eq!((told[0].0.name.as_str(), told[1]), ("1 a", (&legend[1], 6.0)));
         assert!((told[0].1 - 200.4).abs() < 1e-9, "between two samples: {told:?}");
+        assert!((nearest_time_s(&panel, 20.04).unwrap() - 20.0).abs() < 1e-9);
+        assert_eq!(nearest_time_s(&panel, 500.0), Some(99.9));
         assert_eq!(values_at(&legend, &panel, 40.0), [(&legend[0], 400.0)], "a gap has no value");
         let words =
             words_at(["Time [s]", "Speed [km/h]"], (20.04, &[(&legend[0], 2.0)]), DecimalSeparator::Point);

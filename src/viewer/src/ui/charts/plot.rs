@@ -132,10 +132,12 @@ pub(super) fn show(
         if let Some(at_s) = at_s {
             plot.vline(VLine::new("shown time", at_s).color(grey).width(1.0));
         }
-        if let Some(at) = plot.pointer_coordinate().filter(|_| tells_all && plot.response().hovered()) {
-            for (key, value) in hover::values_at(&figure.legend, panel, at.x) {
+        let at = plot.pointer_coordinate().filter(|_| tells_all && plot.response().hovered());
+        // What is told, dotted and gone to is one state.
+        if let Some(time_s) = at.and_then(|at| hover::nearest_time_s(panel, at.x)) {
+            for (key, value) in hover::values_at(&figure.legend, panel, time_s) {
                 let colour = on_ground(&context, key.stroke.colour);
-                let dot = Points::new("", [at.x, value]).color(colour).radius(DOT).allow_hover(false);
+                let dot = Points::new("", [time_s, value]).color(colour).radius(DOT).allow_hover(false);
                 plot.points(dot);
             }
         }
@@ -144,7 +146,10 @@ pub(super) fn show(
     if across == Across::Anything {
         return None;
     }
+    let state_near =
+        |time_s: f64| if tells_all { hover::nearest_time_s(panel, time_s) } else { Some(time_s) };
     let pointed = shown.response.hover_pos().map(|at| shown.transform.value_from_position(at).x);
+    let pointed = pointed.and_then(state_near);
     let values = pointed.map_or_else(Vec::new, |time_s| hover::values_at(&figure.legend, panel, time_s));
     shown.response.on_hover_ui_at_pointer(|ui| {
         if let Some(time_s) = pointed.filter(|_| !values.is_empty()) {
@@ -154,7 +159,7 @@ pub(super) fn show(
             ui.label("Click to go to that time");
         }
     });
-    at_s.and(shown.inner).map(|point| point.x)
+    at_s.and(shown.inner).and_then(|point| state_near(point.x))
 }
 
 /// Lines that are wider on paper are wide on the screen too, points.

@@ -78,7 +78,10 @@ impl Choice<'_> {
         let present = self.stated.unwrap_or(DEFAULT);
         let mut chosen = None;
         let id = ui.label(self.label).on_hover_text(self.tip).id;
-        let list = ComboBox::from_id_salt(self.label).selected_text(self.stated.unwrap_or(self.unstated));
+        let list = ComboBox::from_id_salt(self.label)
+            .selected_text(self.stated.unwrap_or(self.unstated))
+            .width(ui.spacing().combo_width)
+            .truncate();
         let list = list.show_ui(ui, |ui| {
             for name in self.names {
                 let text = if name == DEFAULT { self.unstated } else { name };

@@ -4,6 +4,7 @@ use super::detour::Detour;
 use super::fields::{Choice, DEFAULT, Number, text};
 use super::{EditAction, EditView, push};
 use crate::ui::{SpeedUnit, UiAction, UiState, ViewModel};
+use city3d_protocol::snapshot::VehicleInfo;
 use city3d_simulation::scenario::{ScenarioDocument, StatedVehicle, VehicleEdit};
 use egui::{Button, Grid, RichText, Ui};
 
@@ -13,6 +14,11 @@ const FASTEST_MPS: f64 = 2.0;
 const FARTHEST_M: f64 = 1000.0;
 /// Numbers are stated to this part of a laboratory unit.
 const PER_UNIT: f64 = 1e5;
+
+/// Room of the labels and of the scroll bar beside the fields, and widths of fields, points.
+const LABELS: f32 = 106.0;
+const LEAST_FIELD: f32 = 60.0;
+const MOST_FIELD: f32 = 150.0;
 
 /// Shows the form.
 pub(super) fn show(
@@ -25,7 +31,10 @@ pub(super) fn show(
     let id = vehicle.id;
     ui.strong(format!("{id} {}", vehicle.name));
     let mut change = None;
+    let field = (ui.available_width() - LABELS).clamp(LEAST_FIELD, MOST_FIELD);
     Grid::new("edited vehicle").num_columns(2).spacing([10.0, 4.0]).show(ui, |ui| {
+        ui.spacing_mut().combo_width = field;
+        ui.spacing_mut().text_edit_width = field;
         let mut row = |ui: &mut Ui, edit: Option<VehicleEdit>| {
             change = change.take().or(edit);
             ui.end_row();
@@ -60,7 +69,8 @@ pub(super) fn show(
 fn name(ui: &mut Ui, vehicle: &StatedVehicle, state: &mut UiState) -> Option<VehicleEdit> {
     let mut typed = state.editing.name.take().filter(|(id, _)| *id == vehicle.id).map(|(_, typed)| typed);
     let label = ui.label("Name").id;
-    let new = text(ui, (label, 150.0), &vehicle.name, &mut typed);
+    let width = ui.spacing().text_edit_width;
+    let new = text(ui, (label, width), &vehicle.name, &mut typed);
     state.editing.name = typed.map(|typed| (vehicle.id, typed));
     new.filter(|new| !new.is_empty()).map(VehicleEdit::Name)
 }
@@ -176,6 +186,9 @@ fn start(
     Some(VehicleEdit::At(lab_m))
 }
 
+/// Why an initial speed does not count.
+const AT_REST: &str = "With a lab vehicle in the scenario all vehicles start from rest: robots cannot start at a speed. The speed in the file is used again once none is left";
+
 fn speed(
     ui: &mut Ui,
     vehicle: &StatedVehicle,
@@ -184,6 +197,11 @@ fn speed(
 ) -> Option<VehicleEdit> {
     let (scale, decimal, units) = (shown.scale(), state.preferences.decimal, state.preferences.units);
     let in_units = |lab_mps: f64| units.of(scale.city_from_lab(lab_mps), scale);
+    if shown.run_state.now.roster.iter().any(VehicleInfo::is_physical) {
+        ui.label("Initial speed").on_hover_text(AT_REST);
+        ui.weak("0: from rest").on_hover_text(AT_REST);
+        return None;
+    }
     let in_file = decimal.fixed(vehicle.speed_mps, 3);
     let number = Number {
         label: "Initial speed",

@@ -11,36 +11,61 @@ use egui::{Button, RichText, ScrollArea, Ui};
 /// Height of the list of problems, whether there are any or not, so that no field moves when one comes, points. It scrolls.
 const PROBLEMS_HEIGHT: f32 = 64.0;
 
+/// In a lower panel the form has no room below what is always in sight, points.
+const LOW_PANEL: f32 = 450.0;
+
 /// Shows the editor.
 pub fn show(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>, actions: &mut Vec<UiAction>) {
     let Some(edit) = &shown.edit else { return };
-    file(ui, state, edit, actions);
-    description(ui, state, edit, actions);
-    ui.separator();
-    tools(ui, state, edit, actions);
-    ui.separator();
     let detours = state.editing.detours.of(shown.map, edit).to_vec();
+    let told = |ui: &mut Ui, state: &UiState| problems(ui, (edit, &detours), (state, shown));
+    let head = |ui: &mut Ui, state: &mut UiState, actions: &mut Vec<UiAction>| {
+        file(ui, state, edit, actions);
+        description(ui, state, edit, actions);
+        ui.separator();
+        tools(ui, state, edit, actions);
+        ui.separator();
+    };
+    if ui.available_height() < LOW_PANEL {
+        // Parts that scroll by themselves would be slits: the whole of it scrolls.
+        ScrollArea::vertical().id_salt("editor").auto_shrink(false).show(ui, |ui| {
+            head(ui, state, actions);
+            told(ui, state);
+            ui.separator();
+            of_vehicle(ui, state, (shown, edit), actions);
+        });
+        return;
+    }
+    head(ui, state, actions);
     // What keeps it from running is seen whole.
     let needed = if edit.problems.is_empty() { PROBLEMS_HEIGHT } else { 2.2 * PROBLEMS_HEIGHT };
     let problems_height = needed.min(ui.available_height() / 3.0);
     let separator_height = 2.0 * ui.spacing().item_spacing.y + 6.0;
     let form_height = ui.available_height() - problems_height - separator_height;
     let form = ScrollArea::vertical().id_salt("form").auto_shrink(false).max_height(form_height);
-    form.min_scrolled_height(form_height).show(ui, |ui| {
-        let selected = state.selection.vehicle;
-        match selected.and_then(|id| edit.vehicle(id)) {
-            Some(vehicle) => form::show(ui, vehicle, state, (shown, edit), actions),
-            None if selected.is_some() => {
-                ui.label("This vehicle comes with the random traffic of the scenario. Its number and routes are set in the file, under [traffic] or [[inflow]]; vehicles that you add are changed here.");
-            }
-            None => {
-                ui.label("Select a vehicle to change it, or add one.");
-            }
-        }
-    });
+    form.min_scrolled_height(form_height).show(ui, |ui| of_vehicle(ui, state, (shown, edit), actions));
     ui.separator();
     let list = ScrollArea::vertical().id_salt("problems").auto_shrink(false);
-    list.show(ui, |ui| problems(ui, (edit, &detours), (&*state, shown)));
+    list.show(ui, |ui| told(ui, state));
+}
+
+/// The form of the selected vehicle, or how one comes to it.
+fn of_vehicle(
+    ui: &mut Ui,
+    state: &mut UiState,
+    (shown, edit): (&ViewModel<'_>, &EditView<'_>),
+    actions: &mut Vec<UiAction>,
+) {
+    let selected = state.selection.vehicle;
+    match selected.and_then(|id| edit.vehicle(id)) {
+        Some(vehicle) => form::show(ui, vehicle, state, (shown, edit), actions),
+        None if selected.is_some() => {
+            ui.label("This vehicle comes with the random traffic of the scenario. Its number and routes are set in the file, under [traffic] or [[inflow]]; vehicles that you add are changed here.");
+        }
+        None => {
+            ui.label("Select a vehicle to change it, or add one.");
+        }
+    }
 }
 
 /// What the card of the scenario says of it.

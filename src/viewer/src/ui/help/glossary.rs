@@ -1,7 +1,7 @@
 //! Words of the field that the window uses, each explained in a sentence.
 
 /// Words with what they mean, in alphabetical order.
-pub const WORDS: [(&str, &str); 27] = [
+pub const WORDS: [(&str, &str); 28] = [
     ("CAV, HDV", "Connected and automated vehicle; human-driven vehicle, which nothing coordinates"),
     ("collision", "Two bodies touch, or one touches what is solid; who has collided stays there"),
     (
@@ -40,6 +40,10 @@ pub const WORDS: [(&str, &str); 27] = [
     (
         "mount",
         "Where a camera is on its vehicle, and where it looks: windscreen, bumper, rear, or as the scenario says",
+    ),
+    (
+        "not tracked",
+        "Motion capture has lost sight of a lab vehicle, and nobody knows its pose, until it is tracked again; two events (unseen)",
     ),
     ("plan", "Position over time of a coordinated vehicle through a control zone, agreed before it enters"),
     ("platoon", "Vehicles that follow one another closely with what they tell one another (CACC)"),

@@ -45,6 +45,10 @@ pub(super) fn show(ui: &Ui, state: &mut UiState, shown: &ViewModel<'_>, actions:
     let mut chosen: Option<PathBuf> = None;
     let (mut browses, mut is_closed) = (false, false);
     let modal = Modal::new(Id::unique("start page")).show(ui.ctx(), |ui| {
+        // Tips of the page would cover a dialog over it.
+        if state.runs.files.is_some() {
+            ui.disable();
+        }
         ui.set_width(room.x.min(1130.0));
         ui.set_height(room.y.min(620.0));
         ui.horizontal_top(|ui| {

@@ -5,7 +5,9 @@ use super::super::{UiAction, UiState, ViewModel, theme};
 use super::{ShownTime, TimelineRange, TimelineView};
 use city3d_protocol::snapshot::VehicleId;
 use city3d_session::playback::{MarkKind, PlaybackCommand, Playhead, TimelineMark};
-use egui::{Align2, FontId, PointerButton, Pos2, Rect, Response, RichText, Sense, Stroke, Ui, Vec2};
+use egui::{
+    Align2, FontId, PointerButton, Pos2, Rect, Response, RichText, Sense, Stroke, TextWrapMode, Ui, Vec2,
+};
 use std::collections::BTreeMap;
 
 /// Heights of the parts of the track, points.
@@ -154,6 +156,8 @@ fn tooltip(
     replay: &TimelineView<'_>,
     at: Pos2,
 ) {
+    // A tip stays as narrow as it was before what is told came.
+    ui.style_mut().wrap_mode = Some(TextWrapMode::Extend);
     let decimal = state.preferences.decimal;
     ui.strong(format!("{} s", decimal.fixed(scale.time_s(at.x), 2)));
     let mut marks: Vec<&TimelineMark> = near(scale, state, replay, at.x).collect();

@@ -80,7 +80,8 @@ impl ViewerState {
         self.state.open.editor = true;
         let said = match phase {
             RunPhase::Over => "Editing: the finished run is kept. Save and run what is edited",
-            _ => "Editing: the run is paused. Save and run what is edited",
+            RunPhase::Ready => "Editing. Save and run what is edited",
+            _ => "Editing: the run is paused, and kept. Save and run what is edited",
         };
         self.state.say(self.state.keys.tip(said, EDITING.run), now_s);
     }
