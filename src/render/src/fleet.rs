@@ -13,6 +13,7 @@ use super::vehicle::{self, FittedVehicle, LampLens, MeshKey, VehicleMesh, Vehicl
 use city3d_models::Model;
 use city3d_models::glb::linear_from_srgb;
 use city3d_protocol::snapshot::{BodyType, FrameSnapshot, Indicator, VehicleId, VehicleInfo, VehicleState};
+use city3d_scene::NEAR_ERROR_M;
 use city3d_sensors::View;
 use glam::{BVec3, DMat4, Mat3, Quat, Vec3};
 use std::collections::BTreeMap;
@@ -24,8 +25,6 @@ use std::sync::Arc;
 const FLASHES_HZ: f64 = 1.5;
 /// Lens area of a lamp of usual size, seen along the vehicle.
 const REFERENCE_LENS_M2: f32 = 0.05;
-/// Geometric error of the usual level where there is a finer one for what is near.
-const NEAR_ERROR_M: f32 = 0.02;
 /// Small-feature culling: wheels of a smaller diameter are not drawn.
 const MIN_WHEEL_PX: f32 = 2.0;
 
