@@ -417,13 +417,13 @@ impl FleetRenderer {
         }
     }
 
-    /// Draws shadow casters, at a coarser level where its error is below two texels of the shadow map. The caller has
-    /// set bind groups and pipeline.
+    /// Draws shadow casters, at a coarser level where its error is below a texel of the shadow map: a body drawn more finely
+    /// would be in its shadow in spots. The caller has set bind groups and pipeline.
     pub(super) fn draw_shadows(&self, pass: &mut wgpu::RenderPass<'_>, texel_m: f32) {
         pass.set_vertex_buffer(1, self.instances.slice(..));
         for (index, placed) in (0_u32..).zip(&self.placed) {
             let Some(mesh) = self.meshes.get(&placed.key) else { continue };
-            let Some(level) = mesh.levels.iter().take(3).rfind(|level| level.error_m < 2.0 * texel_m) else {
+            let Some(level) = mesh.levels.iter().take(3).rfind(|level| level.error_m < texel_m) else {
                 continue;
             };
             mesh.bind(pass);
