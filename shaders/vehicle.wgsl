@@ -28,6 +28,13 @@ struct Fragment {
 // Albedo of the whitest paint.
 const PAINT_REFLECTS: f32 = 0.80;
 
+// Shares of light that covers of lamps, glass and tinted glass absorb, and the roughness from which on glass counts as tinted.
+const ABSORBED: vec3<f32> = vec3<f32>(0.05, 0.42, 0.80);
+const TINTED_FROM: f32 = 0.09;
+
+// How far a pane may be from that of the coarser body in the shadow map, metres.
+const CASTER_APART: f32 = 0.06;
+
 // Brightness of head lamps by day, as a share of that of light at the vertices.
 const RUNNING_LIGHT: f32 = 0.5;
 
@@ -82,7 +89,7 @@ fn vertex_main(in: VertexIn) -> Fragment {
     out.finish = vec4<f32>(
         select(rough, LACQUER, part == PAINT || (part >= HEAD && part <= REVERSE)),
         f32((in.material >> 16u) & 0xffu) / 255.0,
-        select(0.05, 0.42, part == GLASS),
+        select(ABSORBED.x, select(ABSORBED.y, ABSORBED.z, rough > TINTED_FROM), part == GLASS),
         select(0.0, 1.0, part == PAINT),
     );
     // Running lights by day leave the lamp behind its glass to be seen.
@@ -127,7 +134,9 @@ fn glass_fragment(in: Fragment) -> @location(0) vec4<f32> {
     if n_l > 0.0 {
         let halfway = normalize(frame.to_sun.xyz + to_eye);
         let glint = ggx_specular(max(dot(normal, halfway), 0.0), n_l, n_v, 0.1) * n_l * fresnel;
-        radiance += frame.sun.rgb * min(glint * sun_visibility(in.world, normal), 12.0);
+        // The pane casts a shadow itself, a little beside this one.
+        let before = in.world + normal * CASTER_APART;
+        radiance += frame.sun.rgb * min(glint * sun_visibility(before, normal), 12.0);
     }
     let covers = 1.0 - (1.0 - fresnel) * (1.0 - in.finish.z);
     let clear = fog_transmittance(from_eye, view.eye.z, frame.haze.w);

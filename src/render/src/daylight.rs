@@ -86,7 +86,8 @@ const DUSK_ELEVATION_DEG: f32 = -3.0;
 
 /// Key frames of the light by elevation of the sun, degrees, ascending. Sun, sky and zenith of the day are those of the
 /// model of Hosek and Wilkie (2012, 2013) for a clear sky, the sky less what a street does not see of it
-/// (`docs/reference.md`).
+/// (`docs/reference.md`). Sun and sky of a low sun, and the sky of dusk, are moved halfway to grey of the same luminance, as by
+/// the white balance of a camera: the tone mapping curve deepens colours of the dark.
 const KEY_FRAMES: [(f32, Light); 4] = [
     (
         -12.0,
@@ -112,7 +113,7 @@ const KEY_FRAMES: [(f32, Light); 4] = [
         Light {
             to_sun: Vec3::Z,
             sun: [0.0, 0.0, 0.0],
-            sky: [0.22, 0.25, 0.36],
+            sky: [0.235, 0.25, 0.315],
             ground: [0.12, 0.12, 0.13],
             zenith: [0.05, 0.08, 0.20],
             haze_srgb: [0.56, 0.45, 0.45],
@@ -130,9 +131,9 @@ const KEY_FRAMES: [(f32, Light); 4] = [
         8.0,
         Light {
             to_sun: Vec3::Z,
-            sun: [1.86, 1.11, 0.36],
-            sky: [0.17, 0.21, 0.23],
-            ground: [0.14, 0.12, 0.09],
+            sun: [1.55, 1.18, 0.66],
+            sky: [0.195, 0.206, 0.215],
+            ground: [0.135, 0.12, 0.10],
             zenith: [0.06, 0.12, 0.20],
             haze_srgb: [0.89, 0.88, 0.83],
             zenith_srgb: [0.36, 0.55, 0.68],
@@ -254,6 +255,14 @@ mod tests {
             let shown = (x * (2.51 * x + 0.03)) / (x * (2.43 * x + 0.59) + 0.14);
             assert!((shown - linear_from_srgb(srgb)).abs() < 1e-5, "{srgb}: {shown}");
         }
+    }
+
+    /// A low sun and the sky of its shadows have colours that the display does not deepen to brown and navy.
+    #[test]
+    fn shadows_of_a_low_sun_are_grey_with_a_hint_of_blue() {
+        let Light { sun, sky, .. } = Daylight::LOW_SUN.light();
+        let [warm, cold] = [sun[0] / sun[2], sky[2] / sky[0]];
+        assert!((1.5..2.8).contains(&warm) && (1.02..1.25).contains(&cold), "{sun:?} {sky:?}");
     }
 
     #[test]

@@ -13,6 +13,7 @@ use super::vehicle::{self, FittedVehicle, LampLens, MeshKey, VehicleMesh, Vehicl
 use city3d_models::Model;
 use city3d_models::glb::linear_from_srgb;
 use city3d_protocol::snapshot::{BodyType, FrameSnapshot, Indicator, VehicleId, VehicleInfo, VehicleState};
+use city3d_scene::NEAR_ERROR_M;
 use city3d_sensors::View;
 use glam::{BVec3, DMat4, Mat3, Quat, Vec3};
 use std::collections::BTreeMap;
@@ -24,8 +25,6 @@ use std::sync::Arc;
 const FLASHES_HZ: f64 = 1.5;
 /// Lens area of a lamp of usual size, seen along the vehicle.
 const REFERENCE_LENS_M2: f32 = 0.05;
-/// Geometric error of the usual level where there is a finer one for what is near.
-const NEAR_ERROR_M: f32 = 0.02;
 /// Small-feature culling: wheels of a smaller diameter are not drawn.
 const MIN_WHEEL_PX: f32 = 2.0;
 
@@ -418,13 +417,13 @@ impl FleetRenderer {
         }
     }
 
-    /// Draws shadow casters, at a coarser level where its error is below two texels of the shadow map. The caller has
-    /// set bind groups and pipeline.
+    /// Draws shadow casters, at a coarser level where its error is below a texel of the shadow map: a body drawn more finely
+    /// would be in its shadow in spots. The caller has set bind groups and pipeline.
     pub(super) fn draw_shadows(&self, pass: &mut wgpu::RenderPass<'_>, texel_m: f32) {
         pass.set_vertex_buffer(1, self.instances.slice(..));
         for (index, placed) in (0_u32..).zip(&self.placed) {
             let Some(mesh) = self.meshes.get(&placed.key) else { continue };
-            let Some(level) = mesh.levels.iter().take(3).rfind(|level| level.error_m < 2.0 * texel_m) else {
+            let Some(level) = mesh.levels.iter().take(3).rfind(|level| level.error_m < texel_m) else {
                 continue;
             };
             mesh.bind(pass);

@@ -11,7 +11,7 @@ use super::geometry::{DrawBucket, GeometryChunk, GeometryPacker, PieceLod, Scene
 use super::instances::{InstancedScene, PreparedInstances, VisibleInstance};
 use super::normal_clusters::NormalCluster;
 use super::occlusion_horizon::{AzimuthSector, OcclusionHorizon};
-use city3d_scene::{LodMesh, SceneDescription, SceneObject, Surface, Wall};
+use city3d_scene::{LodMesh, NEAR_ERROR_M, SceneDescription, SceneObject, Surface, Wall};
 use glam::Vec3;
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -272,10 +272,12 @@ impl PreparedGeometry {
         };
         let casters = objects.iter().zip(&scene.objects).filter(is_caster);
         let mut shadow_casters: BTreeMap<usize, Vec<u32>> = BTreeMap::new();
-        for finest in casters.filter_map(|(piece, _)| piece.levels.first()) {
-            let indices = shadow_casters.entry(finest.chunk).or_default();
-            let chunk = &packer.chunks[finest.chunk];
-            finest.all().for_each(|cluster| indices.extend_from_slice(chunk.of(cluster)));
+        // What only near levels have is finer than a texel of the shadow map.
+        let is_fine = |level: &&PieceLod| level.error_m <= NEAR_ERROR_M;
+        for fine in casters.filter_map(|(piece, _)| piece.levels.iter().rfind(is_fine)) {
+            let indices = shadow_casters.entry(fine.chunk).or_default();
+            let chunk = &packer.chunks[fine.chunk];
+            fine.all().for_each(|cluster| indices.extend_from_slice(chunk.of(cluster)));
         }
         let chunks = packer.chunks;
         let [objects, ground, lines] = [objects, ground, lines].map(PieceGroups::new);

@@ -28,7 +28,7 @@ const PLAIN_KERB_FROM_M: f32 = 0.3;
 pub const ASPHALT: Finish = Finish::new(Surface::Asphalt, [110, 110, 112], Class::Road);
 pub(super) const GRASS: Finish = Finish::new(Surface::Grass, [109, 124, 78], Class::Grass);
 pub(super) const PAVEMENT: Finish = Finish::new(Surface::Slabs, [172, 166, 156], Class::Pavement);
-const KERBSTONE: Finish = Finish::new(Surface::Concrete, [186, 184, 178], Class::Pavement);
+pub(super) const KERBSTONE: Finish = Finish::new(Surface::Concrete, [186, 184, 178], Class::Pavement);
 
 /// What a triangle of the ground is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]

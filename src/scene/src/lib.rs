@@ -130,6 +130,9 @@ pub struct Wall {
     pub height_m: f32,
 }
 
+/// Geometric error of the usual level of a car that has a finer one for what is near, metres.
+pub const NEAR_ERROR_M: f32 = 0.02;
+
 /// Cell sizes of the vertex clustering for the coarser levels.
 const COARSER_M: [f32; 3] = [0.16, 0.4, 1.0];
 
@@ -150,6 +153,16 @@ impl SceneObject {
         if error_m > last.error_m {
             self.levels.push(LodMesh { mesh, error_m });
         }
+    }
+
+    /// Puts the finest level of another object before its own, which become those for farther away.
+    fn with_near_level(mut self, near: Self) -> Self {
+        let near = near.levels.into_iter().next().filter(|level| !level.mesh.is_empty());
+        if let (Some(near), Some(usual)) = (near, self.levels.first_mut()) {
+            usual.error_m = NEAR_ERROR_M;
+            self.levels.insert(0, near);
+        }
+        self
     }
 
     /// Raises the errors to the distance of the coarser levels' vertices from the finest level; for small

@@ -2,7 +2,7 @@
 
 use super::ground_sheet::GRASS_M;
 use super::mesh::{Class, Finish, Mesh, Surface, Vertex};
-use super::{InstancedObject, LodMesh, SceneObject};
+use super::{InstancedObject, LodMesh, NEAR_ERROR_M, SceneObject};
 use city3d_models::{Material, MeshPrimitive, Model, is_for_clear_glass, is_other_lod};
 use city3d_roadmap::{CityMap, PlacedModel};
 use glam::{Affine3A, Quat, Vec2, Vec3};
@@ -13,8 +13,6 @@ use std::sync::Arc;
 const NEAR: &str = "near_";
 /// Name prefixes of the nodes of distant levels of detail.
 const FAR: [&str; 2] = ["far_", "farther_"];
-/// Error of the usual level of a car that has a near one.
-const NEAR_ERROR_M: f32 = 0.02;
 /// Texture repeat for files without texture coordinates.
 const REPEAT_M: f32 = 2.0;
 

@@ -3,7 +3,7 @@
 use super::SceneObject;
 use super::car_parks::{CAR_PARK_M, ParkingBay, bays_of};
 use super::mesh::{Class, Finish, Mesh, Surface, Vertex};
-use city3d_models::{Measures, MeshPrimitive, fitted, glb, shipped};
+use city3d_models::{Measures, MeshPrimitive, fitted, glb, is_for_clear_glass, shipped};
 use city3d_roadmap::{CityMap, Footprint, SceneryKind};
 use glam::{Affine3A, Mat3, Vec3};
 
@@ -27,7 +27,7 @@ const COLOURS: [[u8; 3]; 8] = [
 /// The finish of a car material, in white.
 fn finish_of(part: &MeshPrimitive) -> Finish {
     let colour = part.material.colour;
-    let (surface, colour) = match part.material.name.as_str() {
+    let (surface, colour) = match part.material.name.split('.').next().unwrap_or_default() {
         "paint" => (Surface::CarPaint, [255, 255, 255]),
         "glass" => (Surface::Glass, [255, 255, 255]),
         name if name.starts_with("indicator") => (Surface::Plain, [150, 84, 30]),
@@ -37,7 +37,12 @@ fn finish_of(part: &MeshPrimitive) -> Finish {
     Finish::new(surface, colour, Class::Vehicle)
 }
 
-fn add(mesh: &mut Mesh, parts: &[MeshPrimitive], place: impl Fn(Vec3) -> Vec3, turn: impl Fn(Vec3) -> Vec3) {
+fn add<'a>(
+    mesh: &mut Mesh,
+    parts: impl IntoIterator<Item = &'a MeshPrimitive>,
+    place: impl Fn(Vec3) -> Vec3,
+    turn: impl Fn(Vec3) -> Vec3,
+) {
     for part in parts {
         let finish = finish_of(part);
         let base = mesh.vertices.len() as u32;
@@ -60,15 +65,36 @@ const SEDAN_M: f32 = 1.45;
 /// Errors of the coarser bodies: their corners are no farther off the finest one.
 const COARSER_M: [f32; 3] = [0.16, 0.25, 0.4];
 
-/// A white car at all levels of detail, origin at the middle of its outline on the ground.
-fn car_object((file, height): (&str, f32)) -> SceneObject {
+/// A white car, origin at the middle of its outline on the ground.
+struct ParkedBody {
+    /// The usual level of detail and the coarser ones.
+    usual: SceneObject,
+    /// Finer level for what is near, as moving cars have it, with opaque glass.
+    near: Mesh,
+}
+
+impl ParkedBody {
+    /// A car of this colour at a place. The near level is chosen as that of moving cars, so that its details count for no
+    /// error of the usual one.
+    fn placed(&self, place: Affine3A, colour: [u8; 3]) -> SceneObject {
+        let painted = |finish: Finish| match finish.surface {
+            Surface::CarPaint => Finish { colour, ..finish },
+            _ => finish,
+        };
+        let near = SceneObject::of_one_level(self.near.clone()).moved(place, painted);
+        self.usual.placed(place, painted).with_near_level(near)
+    }
+}
+
+fn car_body((file, height): (&str, f32)) -> ParkedBody {
     let height = SIZE.height * height / SEDAN_M * if height > 2.0 { 0.95 } else { 1.0 };
     let model = shipped(file).and_then(|bytes| glb::read(bytes).ok()).unwrap_or_default();
     let model = fitted(&model, &Measures { height, ..SIZE });
     let half_track = model.half_track.unwrap_or(0.8);
     let assembled = |body: &[MeshPrimitive], wheel: &[MeshPrimitive]| {
         let mut mesh = Mesh::default();
-        add(&mut mesh, body, |v| v, |n| n);
+        let is_seen = |part: &&MeshPrimitive| !is_for_clear_glass(&part.material.name);
+        add(&mut mesh, body.iter().filter(is_seen), |v| v, |n| n);
         for (x, side) in [(1.0, 1.0), (1.0, -1.0), (-1.0, 1.0), (-1.0, -1.0_f32)] {
             let hub = Vec3::new(x * SIZE.wheelbase / 2.0, side * half_track, SIZE.wheel_radius);
             let about = |v: Vec3| Vec3::new(side * v.x, side * v.y, v.z);
@@ -84,13 +110,15 @@ fn car_object((file, height): (&str, f32)) -> SceneObject {
         object.add_level(mesh, error_m);
     }
     object.add_coarser_levels();
-    object
+    let near_wheel = model.near_wheel.as_ref().unwrap_or(&model.wheel);
+    let near = model.near_body.as_ref().map(|body| assembled(body, near_wheel)).unwrap_or_default();
+    ParkedBody { usual: object, near }
 }
 
 /// Parks cars in some bays of car parks with these driveways.
 pub(super) fn cars(map: &CityMap, drives: &[&Footprint]) -> Vec<SceneObject> {
     let mut parked = Vec::new();
-    let bodies = BODIES.map(car_object);
+    let bodies = BODIES.map(car_body);
     /// Body types by frequency.
     const USUAL: [usize; 7] = [0, 1, 2, 0, 3, 2, 1];
     let parks = map.scenery.iter().enumerate().filter(|(_, piece)| piece.kind == SceneryKind::Parking);
@@ -113,11 +141,47 @@ pub(super) fn cars(map: &CityMap, drives: &[&Footprint]) -> Vec<SceneObject> {
                 + into.perp() * (0.24 * (hash_to_unit(6) - 0.5));
             let turn = Mat3::from_cols(ahead.extend(0.0), ahead.perp().extend(0.0), Vec3::Z);
             let place = Affine3A::from_mat3_translation(turn, middle.extend(CAR_PARK_M));
-            parked.push(body.placed(place, |finish| match finish.surface {
-                Surface::CarPaint => Finish { colour, ..finish },
-                _ => finish,
-            }));
+            parked.push(body.placed(place, colour));
         }
     }
     parked
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::NEAR_ERROR_M;
+    use super::super::tests::city;
+    use super::*;
+
+    #[test]
+    fn a_parked_car_has_the_near_level_of_moving_ones_where_it_is_near() {
+        let parked = cars(&city(), &[]);
+        assert!(parked.len() > 5);
+        for car in &parked {
+            let counts: Vec<usize> = car.levels.iter().map(|level| level.mesh.triangle_count()).collect();
+            assert!(counts[0] > 2 * counts[1] && counts.len() >= 5, "{counts:?}");
+            assert_eq!(car.levels[1].error_m, NEAR_ERROR_M);
+            let [near, usual] = [0, 1].map(|level| &car.levels[level].mesh);
+            let paint = |mesh: &Mesh| {
+                mesh.vertices.iter().find(|v| v.finish.surface == Surface::CarPaint).map(|v| v.finish.colour)
+            };
+            assert!(paint(near).is_some() && paint(near) == paint(usual));
+            // All windows are glass, the tinted ones too, and nobody sits behind it.
+            let glass_area = |mesh: &Mesh| -> f32 {
+                let faces = mesh
+                    .indices
+                    .chunks_exact(3)
+                    .map(|t| [t[0], t[1], t[2]].map(|k| &mesh.vertices[k as usize]));
+                let glass = faces.filter(|face| face[0].finish.surface == Surface::Glass);
+                glass
+                    .map(|[a, b, c]| (b.position - a.position).cross(c.position - a.position).length() / 2.0)
+                    .sum()
+            };
+            let [near_m2, usual_m2] = [near, usual].map(glass_area);
+            assert!(
+                (near_m2 - usual_m2).abs() < 0.1 * usual_m2,
+                "{near_m2} m2 of glass, {usual_m2} from afar"
+            );
+        }
+    }
 }

@@ -361,7 +361,12 @@ fn the_city_keeps_to_its_budget_of_triangles() {
     };
     // And so has what is no longer drawn from afar, and in `low` near by only.
     let is_small = |object: &SceneObject| object.levels.last().is_some_and(|level| level.mesh.is_empty());
+    // Near levels of parked cars are those of moving ones.
+    let has_near_level = |object: &SceneObject| {
+        object.levels[0].mesh.vertices.first().is_some_and(|v| v.finish.class == Class::Vehicle)
+    };
     let kind_of = |object: &SceneObject| match (is_person(object), is_small(object)) {
+        _ if has_near_level(object) => 3,
         (true, _) => 1,
         (false, true) => 2,
         (false, false) => 0,
@@ -376,6 +381,11 @@ fn the_city_keeps_to_its_budget_of_triangles() {
     let ([finest, coarsest], [near, far], [small, _]) = (budget(0), budget(1), budget(2));
     assert!(finest < 145_000 && coarsest < 30_000, "{finest} in full, {coarsest} at their coarsest");
     assert!(small < 45_000, "{small} of small things");
+    let [near_cars, far_cars] = budget(3);
+    assert!(
+        near_cars < 220_000 && far_cars < 2_000,
+        "parked cars: {near_cars} in full, {far_cars} from afar"
+    );
     assert!(near < 65_000 && far < 5_000, "people: {near} in full, {far} at their coarsest");
     for object in all() {
         for pair in object.levels.windows(2) {

@@ -10,6 +10,9 @@ use rayon::prelude::*;
 /// last band is the lid, from its edge to the zenith. Few large faces cost little to draw.
 const BANDS: [(f32, f32); 3] = [(0.0, -0.13), (0.5, 0.25), (0.82, 1.0)];
 
+/// Radius of the disc of sun or moon.
+const DISC_RAD: f32 = 0.0115;
+
 /// Triangles of the sky box: corners as directions (not of unit length) and texture coordinates in the panorama.
 pub(crate) fn triangles() -> Vec<[(Vec3, [f32; 2]); 3]> {
     let mut triangles = Vec::new();
@@ -139,6 +142,9 @@ fn colour(direction: Vec3, light: &Light) -> [f32; 3] {
     let low = (1.0 - 2.5 * light.to_sun.z).clamp(0.0, 1.0) * (1.0 - night);
     let wide = low * towards.max(0.0).powi(5) * 0.55 * (-5.0 * up.max(0.0)).exp();
     sky = mix(sky, light.glow_srgb, (glow + wide).min(1.0));
+    if !light.is_overcast {
+        sky = mix(sky, disc_colour(light), aureole(towards, night));
+    }
     // Two chains of hills in the haze.
     let elevation = up.asin();
     for (seed, height, base, part) in [(221, 0.040, 0.004, 0.24), (231, 0.024, 0.0, 0.40)] {
@@ -155,6 +161,22 @@ fn colour(direction: Vec3, light: &Light) -> [f32; 3] {
     sky
 }
 
+/// Share of the disc's own light around sun or moon: haze scatters it forward, brightest at the rim of the disc.
+fn aureole(towards: f32, night: f32) -> f32 {
+    // Farther away nothing of it is left.
+    if towards < 0.9 {
+        return 0.0;
+    }
+    let off_rad = (towards.clamp(-1.0, 1.0).acos() - DISC_RAD).max(0.0);
+    let near = 0.62 * (-off_rad / 0.012).exp() + 0.34 * (-off_rad / 0.05).exp();
+    near * (1.0 - 0.75 * night)
+}
+
+/// Displayed colour of sun or moon.
+fn disc_colour(light: &Light) -> [f32; 3] {
+    if night_of(light) > 0.5 { [0.93, 0.94, 0.90] } else { [1.0, 1.0, 0.97] }
+}
+
 /// 0 by day, 1 at night.
 fn night_of(light: &Light) -> f32 {
     ((0.16 - light.zenith_srgb[2]) / 0.08).clamp(0.0, 1.0)
@@ -164,15 +186,14 @@ fn night_of(light: &Light) -> f32 {
 /// the texels of the panorama.
 pub(crate) fn disc(light: &Light) -> Vec<(Vec3, [f32; 3])> {
     const SIDES: u32 = 40;
-    const RADIUS_RAD: f32 = 0.0115;
     if light.is_overcast {
         return Vec::new();
     }
-    let shown = if night_of(light) > 0.5 { [0.93, 0.94, 0.90] } else { [1.0, 1.0, 0.97] };
+    let shown = disc_colour(light);
     let (right, up) = light.to_sun.any_orthonormal_pair();
     let rim = |k: u32| {
         let (sin, cos) = (std::f32::consts::TAU * k as f32 / SIDES as f32).sin_cos();
-        light.to_sun + RADIUS_RAD * (cos * right + sin * up)
+        light.to_sun + DISC_RAD * (cos * right + sin * up)
     };
     (0..SIDES).flat_map(|k| [light.to_sun, rim(k), rim(k + 1)]).map(|corner| (corner, shown)).collect()
 }
@@ -218,7 +239,8 @@ fn cloud_plane(direction: Vec3) -> [f32; 2] {
 
 #[cfg(test)]
 mod tests {
-    use super::{Vec3, direction, half, triangles};
+    use super::{DISC_RAD, Vec3, colour, direction, half, triangles};
+    use crate::{Daylight, daylight::Light};
 
     #[test]
     fn faces_show_what_the_panorama_has_there_and_close_the_sky() {
@@ -245,6 +267,21 @@ mod tests {
                 inside(corners, look) && corners.iter().sum::<Vec3>().dot(look) > 0.0
             });
             assert!(found, "nothing at {look}");
+        }
+    }
+
+    /// Haze scatters light around the sun, so that its disc has no hard edge.
+    #[test]
+    fn the_sun_is_in_an_aureole_that_fades_outwards() {
+        for light in [Daylight::NOON, Daylight::LOW_SUN].map(Daylight::light) {
+            let light = Light { clouds_seen: 0.0, ..light };
+            let aside = light.to_sun.any_orthonormal_vector();
+            let seen = |off_rad: f32| {
+                let [r, g, b] = colour((light.to_sun + aside * off_rad.tan()).normalize_or(Vec3::Z), &light);
+                (r + g + b) / 3.0
+            };
+            let steps = [1.05, 2.0, 4.0, 8.0].map(|radii| seen(radii * DISC_RAD));
+            assert!(steps[0] > 0.94 && steps.is_sorted_by(|near, far| *near > *far + 0.01), "{steps:?}");
         }
     }
 

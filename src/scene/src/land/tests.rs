@@ -94,6 +94,45 @@ fn roads_lead_from_the_streets_into_the_land_without_a_gap() {
     }
 }
 
+/// Height of the highest triangle over a place.
+fn top_of(mesh: &Mesh, at: DVec2) -> Option<f64> {
+    let corners = |t: &[u32]| [t[0], t[1], t[2]].map(|k| mesh.vertices[k as usize].position.as_dvec3());
+    let heights = mesh.indices.chunks_exact(3).map(corners).filter_map(|[a, b, c]| {
+        let flat = [a, b, c].map(|corner| corner.truncate());
+        let area = (flat[1] - flat[0]).perp_dot(flat[2] - flat[0]);
+        let share = |p: DVec2, q: DVec2| (p - at).perp_dot(q - at) / area;
+        let shares = [share(flat[1], flat[2]), share(flat[2], flat[0]), share(flat[0], flat[1])];
+        let is_over = area > 1e-9 && shares.iter().all(|share| *share >= 0.0);
+        is_over.then(|| a.z * shares[0] + b.z * shares[1] + c.z * shares[2])
+    });
+    heights.reduce(f64::max)
+}
+
+/// Neither the kerb nor the pavement of the street comes through the asphalt of a road that leaves it.
+#[test]
+fn mouths_of_country_roads_cover_the_kerb_and_the_pavement() {
+    let map = city();
+    let field = RoadField::new(&map);
+    let roads = roads_from(&map, &field);
+    let mouths: Vec<Footprint> = roads.iter().map(CountryRoad::driveway).collect();
+    let sheet = Outlines::new(&field, &[]).ground(&map, &mouths.iter().collect::<Vec<_>>());
+    let ground = sheet.mesh(0.0);
+    for road in &roads {
+        let mut mouth = Mesh::default();
+        road.approach_mesh(&mut mouth);
+        let mut looked = 0;
+        for [a, b, c] in asphalt(&mouth) {
+            for shares in [[0.8, 0.1, 0.1], [0.1, 0.8, 0.1], [0.1, 0.1, 0.8], [0.34, 0.33, 0.33]] {
+                let at = a * shares[0] + b * shares[1] + c * shares[2];
+                let (Some(over), Some(under)) = (top_of(&mouth, at), top_of(&ground, at)) else { continue };
+                assert!(over > under + 0.002, "{under} m comes through {over} m at {at}");
+                looked += 1;
+            }
+        }
+        assert!(looked > 400, "{looked}");
+    }
+}
+
 /// To within 2 cm.
 fn covers(t: &[DVec2; 3], at: DVec2) -> bool {
     let edge = |k: usize| (t[(k + 1) % 3] - t[k]).normalize_or_zero().perp_dot(at - t[k]);

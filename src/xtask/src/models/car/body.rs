@@ -27,7 +27,12 @@ const ROWS: [(f32, f32); 8] = [
 ];
 const NEAR_ROWS: [f32; 7] = [0.0, 0.15, 0.36, 0.60, 0.76, 0.92, 1.0];
 /// Close rows on both sides of an edge keep it sharp.
-const CLOSE_ROWS: [f32; 13] = [0.0, 0.055, 0.085, 0.15, 0.36, 0.60, 0.74, 0.76, 0.78, 0.90, 0.92, 0.94, 1.0];
+const CLOSE_ROWS: [f32; 16] =
+    [0.0, 0.055, 0.085, 0.15, 0.36, 0.60, 0.74, 0.76, 0.78, 0.81, 0.84, 0.87, 0.90, 0.92, 0.94, 1.0];
+/// Rows between which the shoulder is round on the near level, and by how much of the half width: a flat face would mirror the
+/// sun all along a door.
+const ROUND_SHOULDER: [f32; 2] = [0.76, 0.92];
+const ROUND: f32 = 0.008;
 /// Distant levels: the sides have fewer rows than the ends, which carry the lamps.
 const FAR_ROWS: [f32; 6] = [0.0, 0.15, 0.60, 0.76, 0.92, 1.0];
 const FAR_SIDE_ROWS: [f32; 3] = [0.0, 0.60, 1.0];
@@ -39,10 +44,31 @@ const FARTHER_FRONT: [f32; 3] = [0.0, 0.62, 1.0];
 const FAR_END_M: f32 = 2.14;
 const FARTHER_END_M: f32 = 2.24;
 
+/// Rows of bonnet and boot of the near level: shares of the way to the end. Two close ones are beside the front gap of a bonnet.
+pub(super) const CLOSE_PARTS: [f32; 8] = [0.0, 0.3, 0.55, 0.78, FRONT_GAP[0], FRONT_GAP[1], 0.97, 1.0];
+pub(super) const FRONT_GAP: [f32; 2] = [0.925, 0.937];
+
 /// Columns of an arch: shares of its radius.
 const NEAR_CUTS: [f32; 7] = [-1.0, -0.86, -0.5, 0.0, 0.5, 0.86, 1.0];
 const CLOSE_CUTS: [f32; 13] =
     [-1.0, -0.966, -0.866, -0.707, -0.5, -0.259, 0.0, 0.259, 0.5, 0.707, 0.866, 0.966, 1.0];
+
+/// How far a bonnet is raised at shares of its half width: a bulge in its middle between creases, and the crests of the wings
+/// beside its gaps.
+const BONNET_RELIEF: [(f32, f32); 7] =
+    [(0.0, 0.020), (0.40, 0.018), (0.48, 0.0), (0.80, 0.0), (0.86, -0.006), (0.93, 0.012), (1.0, 0.0)];
+/// Where the gaps at the sides of a bonnet are.
+pub(super) const BONNET_GAP: f32 = 0.86;
+/// Distances behind the foot of the windscreen between which the relief begins, and the part of the way at which it ends.
+const RELIEF_FROM_M: [f32; 2] = [0.28, 0.52];
+const RELIEF_TO: f32 = 0.80;
+/// How far under the windscreen a bonnet begins, and a boot under the rear window.
+const UNDER_GLASS_M: f32 = 0.10;
+
+fn smoothstep([from, to]: [f32; 2], x: f32) -> f32 {
+    let t = ((x - from) / (to - from)).clamp(0.0, 1.0);
+    t * t * (3.0 - 2.0 * t)
+}
 
 /// Position of a shell column.
 #[derive(Clone, Copy)]
@@ -56,6 +82,13 @@ pub(super) enum ShellColumn {
 pub(super) fn half_at(x: f32) -> f32 {
     let out = (x.abs() / (LENGTH_M / 2.0)).min(1.0);
     HALF_M * (1.0 - 0.03 * out.powi(3) - 0.10 * ((out - 0.72).max(0.0) / 0.28).powi(2))
+}
+
+/// What the round shoulder adds to the flat one between its edges.
+fn rounding(t: f32) -> f32 {
+    let [low, high] = ROUND_SHOULDER;
+    let u = ((t - low) / (high - low)).clamp(0.0, 1.0);
+    4.0 * ROUND * u * (1.0 - u)
 }
 
 fn profile(rows: &[(f32, f32)], t: f32) -> f32 {
@@ -92,7 +125,7 @@ impl CarShape {
         // Towards the ends the side leans with the front and the rear.
         let lean = ((x.abs() - 1.95) / (reach - 1.95)).clamp(0.0, 1.0);
         let x = x + lean * (self.end_x(facing, 1.0, part) - facing * reach);
-        Vec3::new(x, half_at(x) * profile(&ROWS, part), z)
+        Vec3::new(x, half_at(x) * (profile(&ROWS, part) + rounding(part)), z)
     }
 
     /// A point of the bonnet (`facing` 1) or boot (-1) that starts at x `foot`: share of the way to the end,
@@ -102,9 +135,27 @@ impl CarShape {
         let edge = self.side_point(foot + (facing * reach - foot) * part, 1.0, 0.0);
         let crown = self.crown * (1.0 - part.powi(4));
         let end = Vec3::new(self.end_x(facing, f, 1.0), edge.y * f, edge.z);
-        let on = Vec3::new(edge.x, edge.y * f, edge.z + crown * (1.0 - f * f));
+        let mut on = Vec3::new(edge.x, edge.y * f, edge.z + crown * (1.0 - f * f));
+        if facing > 0.0 {
+            let begins = smoothstep(RELIEF_FROM_M, edge.x - foot);
+            let ends = smoothstep([RELIEF_TO, 1.0], part);
+            on.z += profile(&BONNET_RELIEF, f.abs()) * begins * (1.0 - ends);
+        }
         // Its edge is that of the shell.
         on.lerp(end, part.powi(6) * (1.0 - f.powi(8)))
+    }
+
+    /// A point of the bonnet at x, at a share of its half width.
+    pub(super) fn on_bonnet(&self, x: f32, f: f32) -> Vec3 {
+        let foot = self.bonnet_foot();
+        let reach = END_M - self.bow[0];
+        self.on_deck(1.0, foot, ((x - foot) / (reach - foot)).clamp(0.0, 1.0), f)
+    }
+
+    /// Where the bonnet begins, under the windscreen.
+    pub(super) fn bonnet_foot(&self) -> f32 {
+        let [.., front_foot] = self.cabin.stations;
+        front_foot - UNDER_GLASS_M
     }
 
     pub(super) fn point(&self, column: ShellColumn, t: f32) -> Vec3 {
@@ -385,14 +436,17 @@ fn wells(
 
 /// Bonnet (`facing` 1) or boot (-1): level across, a little higher in the middle.
 fn deck(builder: &mut PrimitiveBuilder, shape: &CarShape, detail: CarDetail, facing: f32) {
-    let [rear_foot, .., front_foot] = shape.cabin.stations;
-    let foot = if facing > 0.0 { front_foot - 0.10 } else { rear_foot + 0.10 };
+    let [rear_foot, ..] = shape.cabin.stations;
+    let foot = if facing > 0.0 { shape.bonnet_foot() } else { rear_foot + UNDER_GLASS_M };
     let parts: &[f32] = match detail {
-        CarDetail::Close => &[0.0, 0.2, 0.4, 0.6, 0.78, 0.9, 0.96, 1.0],
+        CarDetail::Close => &CLOSE_PARTS,
         CarDetail::Near => &[0.0, 0.35, 0.7, 0.9, 1.0],
         _ => &[0.0, 0.7, 1.0],
     };
     let across: &[f32] = match detail {
+        CarDetail::Close if facing > 0.0 => {
+            &[-1.0, -0.93, -0.86, -0.80, -0.48, -0.44, -0.40, 0.0, 0.40, 0.44, 0.48, 0.80, 0.86, 0.93, 1.0]
+        }
         CarDetail::Close => &[-1.0, -0.86, -0.72, -0.62, -0.32, 0.0, 0.32, 0.62, 0.72, 0.86, 1.0],
         CarDetail::Near => &[-1.0, -0.62, 0.0, 0.62, 1.0],
         CarDetail::Far => &[-1.0, 0.0, 1.0],

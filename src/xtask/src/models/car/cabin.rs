@@ -2,7 +2,8 @@
 
 use super::shape::{CarShape, Rear};
 use super::{
-    CarDetail, DASHBOARD, GLASS, PAINT, PLASTIC, PrimitiveBuilder, SEAM, StaticMaterial, WIPER, body, close,
+    CarDetail, DASHBOARD, GLASS, PAINT, PLASTIC, PrimitiveBuilder, SEAM, StaticMaterial, TINTED, WIPER, body,
+    close,
 };
 use glam::Vec3;
 
@@ -209,7 +210,7 @@ fn frames(
         |corners: [Vec3; 4], outward: Vec3, proud: f32| raised(builder, corners, outward, (proud, SEAM));
     for k in 0..last {
         let end = (k == 0).then_some(-1.0).or((k == last - 1).then_some(1.0));
-        if face_material(shape, CarDetail::Close, stations, k, SILL, end) != GLASS {
+        if !matches!(face_material(shape, CarDetail::Close, stations, k, SILL, end), GLASS | TINTED) {
             continue;
         }
         for side in [1.0_f32, -1.0] {
@@ -232,8 +233,12 @@ fn frames(
         let outward = Vec3::new(facing, 0.0, 0.6);
         let at = |column: usize, down: f32| sections[top][column].lerp(sections[foot][column], down);
         for column in GUTTER..mirrored - GUTTER {
-            // The foot of the rear window is under the edge of the boot.
-            let foot = if facing > 0.0 { [0.92, 1.0] } else { [0.90, 0.94] };
+            // The foot of a rear window may be under the edge of the boot.
+            let foot = match shape.rear {
+                _ if facing > 0.0 => [0.92, 1.0],
+                Rear::Hatch => [0.90, 1.0],
+                _ => [0.90, 0.94],
+            };
             for [a, b] in [[0.0, 0.05], foot] {
                 let corners = [at(column, a), at(column + 1, a), at(column + 1, b), at(column, b)];
                 strip(corners, outward, 0.004);
@@ -247,6 +252,29 @@ fn frames(
     wipers(builder, shape, &sections[last - 1], &sections[last]);
 }
 
+/// What lines the ends of the roof, between the upper edges of windscreen and rear window and the lining under the roof.
+pub(super) fn headers(builder: &mut PrimitiveBuilder, shape: &CarShape, material: StaticMaterial) {
+    const DEEP_M: f32 = 0.12;
+    const UNDER_M: f32 = 0.034;
+    let stations = stations(shape, CarDetail::Close);
+    let last = stations.len() - 1;
+    for (top, facing) in [(last - 1, 1.0_f32), (1, -1.0)] {
+        let edge = section(shape, &stations[top], 0.0, CarDetail::Close);
+        let at = |point: usize, back_m: f32, down_m: f32| {
+            edge[point] * Vec3::new(1.0, 0.985, 1.0) - Vec3::new(facing * back_m, 0.0, down_m)
+        };
+        for point in GUTTER..edge.len() - 1 - GUTTER {
+            let corners = [
+                at(point, 0.0, 0.004),
+                at(point + 1, 0.0, 0.004),
+                at(point + 1, DEEP_M, UNDER_M),
+                at(point, DEEP_M, UNDER_M),
+            ];
+            close::face(builder, corners, Vec3::new(0.3 * facing, 0.0, -1.0), material, 130);
+        }
+    }
+}
+
 /// The dark cowl between bonnet and windscreen, and the wipers at rest on it; the windscreen is between two sections.
 fn wipers(builder: &mut PrimitiveBuilder, shape: &CarShape, top: &[Vec3], foot: &[Vec3]) {
     const COWL_M: f32 = 0.10;
@@ -257,21 +285,36 @@ fn wipers(builder: &mut PrimitiveBuilder, shape: &CarShape, top: &[Vec3], foot: 
     };
     let back = windscreen_foot(shape);
     let edge = back.iter().map(|at| before(at, 0.008)).collect();
-    builder.grid(&[edge, back], |_| 170, |_, _| Some(SEAM));
-    // A blade rests along the foot of the glass, which is round; its arm comes from a pivot on the cowl and holds it in its
-    // middle. Shares of half the width, from heel to tip.
+    builder.grid(&[edge, back], |_| 170, |_, _| Some(PLASTIC));
+    // A blade rests a little aslant over the foot of the glass, which is round; an arm that tapers comes from a pivot on the
+    // cowl and holds it in its middle. Shares of half the width, from heel to tip.
     let up = (top[5] - foot[5]).normalize_or(Vec3::Z);
     let out = up.cross(Vec3::NEG_Y);
     let on = |share: f32, height_m: f32| windscreen_foot_at(shape, share) + up * height_m;
-    const PARTS: u8 = 2;
-    for [pivot, heel, tip] in [[0.86, 0.82, -0.08], [-0.02, -0.06, -0.86]] {
-        let at = |part: f32| heel + (tip - heel) * part;
-        let blade = |part: u8| on(at(f32::from(part) / f32::from(PARTS)), 0.040 + 0.004 * f32::from(part));
+    const PARTS: u8 = 4;
+    for [pivot, heel, tip] in [[0.84, 0.74, 0.02], [-0.02, -0.12, -0.84]] {
+        let blade = |part: f32| on(heel + (tip - heel) * part, 0.080 + 0.055 * part);
         for part in 0..PARTS {
-            wiper_bar(builder, [blade(part), blade(part + 1)], out, (0.006, [0.003, 0.016]));
+            let ends = [part, part + 1].map(|part| blade(f32::from(part) / f32::from(PARTS)));
+            wiper_bar(builder, ends, out, (0.0035, [0.003, 0.008]));
         }
-        let arm = [on(pivot, -0.022) + out * 0.008, on(at(0.5), 0.043)];
-        wiper_bar(builder, arm, out, (0.008, [0.014, 0.026]));
+        let (foot, head) = (on(pivot, -0.030) + out * 0.012, blade(0.5));
+        let elbow = foot.lerp(head, 0.35) + out * 0.006;
+        wiper_bar(builder, [foot, elbow], out, (0.007, [0.010, 0.017]));
+        wiper_bar(builder, [elbow, head], out, (0.004, [0.011, 0.016]));
+        let cap = Vec3::new(0.008, 0.010, 0.006);
+        builder.block(foot - cap, foot + cap, WIPER, 160);
+    }
+    // Two nozzles spray the glass from the bonnet.
+    for y in [-0.34_f32, 0.34] {
+        let ahead = windscreen_foot_at(shape, y).x + COWL_M + 0.06;
+        let at = shape.on_bonnet(ahead, y);
+        builder.block(
+            at + Vec3::new(-0.009, -0.012, -0.004),
+            at + Vec3::new(0.009, 0.012, 0.007),
+            WIPER,
+            170,
+        );
     }
 }
 
@@ -312,6 +355,8 @@ fn face_material(
 ) -> StaticMaterial {
     let cargo = shape.rear == Rear::Cargo;
     let glass_at_end = |facing: f32| !(cargo && facing < 0.0);
+    // Where glass is opaque, all of it has one colour.
+    let is_tinted = shape.tinted && detail == CarDetail::Close;
     match (end, up) {
         // The rubber under the windscreen; the rear window stands on sheet metal.
         (Some(facing), FOOT) if facing > 0.0 => SEAM,
@@ -326,10 +371,12 @@ fn face_material(
         }
         (Some(_), RAIL) => PAINT,
         (Some(facing), GUTTER..) => {
-            if glass_at_end(facing) {
-                GLASS
-            } else {
+            if !glass_at_end(facing) {
                 PAINT
+            } else if facing < 0.0 && is_tinted {
+                TINTED
+            } else {
+                GLASS
             }
         }
         (None, SILL) => {
@@ -341,6 +388,8 @@ fn face_material(
                 PAINT
             } else if is_pillar {
                 PLASTIC
+            } else if is_tinted && middle < pillar {
+                TINTED
             } else {
                 GLASS
             }

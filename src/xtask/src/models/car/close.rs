@@ -13,6 +13,7 @@ use std::f32::consts::{FRAC_PI_2, TAU};
 /// Reflector of a headlamp, and the housing of a tail lamp.
 const BOWL: StaticMaterial = StaticMaterial::new("bowl", [84, 87, 92]).metal().rough(0.35);
 const HOUSING: StaticMaterial = StaticMaterial::new("housing", [52, 10, 12]).rough(0.4);
+const REFLECTOR: StaticMaterial = StaticMaterial::new("reflector", [120, 12, 14]).rough(0.35);
 const PIPE: StaticMaterial = StaticMaterial::new("pipe", [84, 86, 88]).rough(0.45);
 /// Inside of the exhaust and of joints.
 const DARK: u8 = 70;
@@ -41,7 +42,10 @@ pub(super) fn trim(builder: &mut PrimitiveBuilder, shape: &CarShape) {
         mirror(builder, shape, side);
     }
     grille(builder, shape);
+    bonnet_gaps(builder, shape);
     exhaust(builder, shape);
+    underbody(builder, shape);
+    reflectors(builder, shape);
 }
 
 /// A lamp: the housing behind the hole in the shell, what shines in it, and its cover.
@@ -55,8 +59,12 @@ fn lamp(builder: &mut PrimitiveBuilder, shape: &CarShape, facing: f32, side: f32
     if facing > 0.0 {
         columns.reverse();
     }
-    let rows: &[f32] =
-        if is_tall { &[0.36, 0.60, 0.74, 0.76, 0.78, 0.92] } else { &[0.60, 0.74, 0.76, 0.78, 0.92] };
+    // Those of the shell, so that the cover meets the edge of the hole.
+    let rows: &[f32] = if is_tall {
+        &[0.36, 0.60, 0.74, 0.76, 0.78, 0.81, 0.84, 0.87, 0.90, 0.92]
+    } else {
+        &[0.60, 0.74, 0.76, 0.78, 0.81, 0.84, 0.87, 0.90, 0.92]
+    };
     let surface = |inwards: Vec3| -> Vec<Vec<Vec3>> {
         let row = |&t: &f32| columns.iter().map(|&c| mirrored(shape.point(c, t)) + inwards).collect();
         let mut points: Vec<Vec<Vec3>> = rows.iter().map(row).collect();
@@ -265,5 +273,62 @@ fn exhaust(builder: &mut PrimitiveBuilder, shape: &CarShape) {
         let mut mouth = ring(rear + 0.002, 0.033);
         mouth.reverse();
         builder.plate(&mouth[..8], SEAM, DARK);
+    }
+}
+
+/// The gaps around the bonnet: along the wings and before its leading edge.
+fn bonnet_gaps(builder: &mut PrimitiveBuilder, shape: &CarShape) {
+    const HALF_WIDTH_M: f32 = 0.006;
+    let on = |part: f32, f: f32| shape.on_deck(1.0, shape.bonnet_foot(), part, f) + Vec3::Z * 0.003;
+    for side in [1.0_f32, -1.0] {
+        let f = [-1.0, 1.0].map(|edge| side * body::BONNET_GAP + edge * HALF_WIDTH_M / HALF_M);
+        for pair in body::CLOSE_PARTS[..5].windows(2) {
+            let corners = [on(pair[0], f[0]), on(pair[1], f[0]), on(pair[1], f[1]), on(pair[0], f[1])];
+            face(builder, corners, Vec3::Z, SEAM, DARK);
+        }
+    }
+    let [rear, front] = body::FRONT_GAP;
+    let across = [-body::BONNET_GAP, -0.80, -0.48, -0.40, 0.0, 0.40, 0.48, 0.80, body::BONNET_GAP];
+    for pair in across.windows(2) {
+        let corners = [on(rear, pair[0]), on(rear, pair[1]), on(front, pair[1]), on(front, pair[0])];
+        face(builder, corners, Vec3::Z, SEAM, DARK);
+    }
+}
+
+/// What hangs under the rear: the beam of the axle, and the silencer of the exhaust.
+fn underbody(builder: &mut PrimitiveBuilder, shape: &CarShape) {
+    const SIDES: usize = 8;
+    let mut tube = |ends: [Vec3; 2], [across, upright]: [f32; 2], material: StaticMaterial| {
+        let along = (ends[1] - ends[0]).normalize_or(Vec3::Y);
+        let side = along.cross(Vec3::Z);
+        let ring = |(end, share): (Vec3, f32)| -> Vec<Vec3> {
+            (0..=SIDES)
+                .map(|k| {
+                    let (sin, cos) = (TAU * k as f32 / SIDES as f32).sin_cos();
+                    end + side * (share * across * cos) + Vec3::Z * (share * upright * sin)
+                })
+                .collect()
+        };
+        let ends = [(ends[0], 0.0), (ends[0], 1.0), (ends[1], 1.0), (ends[1], 0.0)].map(ring);
+        builder.grid(&ends, |_| DARK, |_, _| Some(material));
+    };
+    let (axle, low) = (-WHEELBASE_M / 2.0, shape.sill);
+    let beam = |y: f32| Vec3::new(axle, y, WHEEL_RADIUS_M - 0.06);
+    tube([beam(-0.86), beam(0.86)], [0.045, 0.045], SEAM);
+    tube([Vec3::new(axle - 0.45, -0.52, low), Vec3::new(axle - 0.45, 0.30, low)], [0.13, 0.075], PIPE);
+}
+
+/// Reflectors in the rear bumper.
+fn reflectors(builder: &mut PrimitiveBuilder, shape: &CarShape) {
+    let at = |f: f32, t: f32| {
+        let p = shape.point(ShellColumn::End(-1.0, f.abs()), t);
+        Vec3::new(p.x - 0.004, p.y * f.signum(), p.z)
+    };
+    for side in [1.0_f32, -1.0] {
+        for f in [[0.66, 0.74], [0.74, 0.82]] {
+            let [a, b] = f.map(|f| side * f);
+            let corners = [at(a, 0.315), at(b, 0.315), at(b, 0.35), at(a, 0.35)];
+            face(builder, corners, Vec3::NEG_X, REFLECTOR, 230);
+        }
     }
 }

@@ -1,7 +1,7 @@
 //! What is seen through the glass of a near car: lining, seats, steering wheel and driver.
 
 use super::shape::{CarShape, Rear};
-use super::{PrimitiveBuilder, StaticMaterial, body};
+use super::{PrimitiveBuilder, StaticMaterial, body, cabin};
 use city3d_models::MeshPrimitive;
 use glam::Vec3;
 use std::f32::consts::TAU;
@@ -70,21 +70,46 @@ pub(super) fn interior(builder: &mut PrimitiveBuilder, shape: &CarShape) {
         rows.push(first - 0.92);
     }
     for (k, x) in rows.into_iter().enumerate() {
+        // Who sits behind sits higher, and most so in a high car, whose rear window one looks up to.
+        let behind = if shape.height > 1.6 { 0.16 } else { 0.06 };
+        let up = if k == 1 { behind } else { 0.0 };
         for y in [-0.42, 0.42] {
-            seat(builder, Vec3::new(x, y, floor));
+            seat(builder, Vec3::new(x, y, floor + up));
         }
         if k == 1 {
-            let (low, high) =
-                (Vec3::new(x - 0.34, -0.3, floor + 0.1), Vec3::new(x - 0.24, 0.3, floor + 0.62));
-            builder.block(low, high, SEAT, INSIDE);
+            bench(builder, Vec3::new(x, 0.0, floor + up));
+            parcel_shelf(builder, shape, [rear, x - 0.34]);
         }
     }
+    cabin::headers(builder, shape, LINING);
     driver(builder, Vec3::new(first, 0.42, floor));
     if shape.rear == Rear::Cargo {
         // The wall between the cab and the load.
         let (low, high) = (Vec3::new(pillar - 0.10, -0.80, floor), Vec3::new(pillar - 0.06, 0.80, 1.95));
         builder.block(low, high, BULKHEAD, INSIDE);
     }
+}
+
+/// The middle of a rear bench, with its headrest.
+fn bench(builder: &mut PrimitiveBuilder, at: Vec3) {
+    let mut block = |[low, high]: [[f32; 3]; 2]| {
+        builder.block(at + Vec3::from(low), at + Vec3::from(high), SEAT, INSIDE);
+    };
+    block([[-0.34, -0.3, 0.1], [-0.24, 0.3, 0.62]]);
+    block([[-0.39, -0.24, 0.52], [-0.29, 0.24, 0.72]]);
+    block([[-0.38, -0.10, 0.75], [-0.31, 0.10, 0.86]]);
+}
+
+/// The shelf between the rear bench and the rear window, which hides the boot: from behind one would look into a box.
+fn parcel_shelf(builder: &mut PrimitiveBuilder, shape: &CarShape, [rear, front]: [f32; 2]) {
+    const STEPS: u8 = 3;
+    let row = |k: u8| {
+        let x = rear - 0.02 + (front - rear + 0.02) * f32::from(k) / f32::from(STEPS);
+        let (half, z) = (body::half_at(x) * 0.88, shape.shoulder_at(x) - 0.015);
+        vec![Vec3::new(x, half, z), Vec3::new(x, -half, z)]
+    };
+    let rows: Vec<Vec<Vec3>> = (0..=STEPS).rev().map(row).collect();
+    builder.grid(&rows, |_| 110, |_, _| Some(CARPET));
 }
 
 pub(super) fn seat(builder: &mut PrimitiveBuilder, at: Vec3) {

@@ -31,6 +31,8 @@ pub(super) const HALF_M: f32 = 1.10;
 
 pub(super) const PAINT: StaticMaterial = StaticMaterial::new("paint", [255, 255, 255]).rough(0.35);
 pub(super) const GLASS: StaticMaterial = StaticMaterial::new("glass", [22, 27, 32]).rough(0.05);
+/// Darker glass behind the front doors; shaders know it by its roughness.
+pub(super) const TINTED: StaticMaterial = StaticMaterial::new("glass.tinted", [22, 27, 32]).rough(0.12);
 /// Clear cover of a lamp.
 pub(super) const LENS: StaticMaterial = StaticMaterial::new("lens", [200, 204, 208]).rough(0.05);
 pub(super) const PLASTIC: StaticMaterial = StaticMaterial::new("plastic", [28, 30, 33]);
@@ -197,6 +199,32 @@ mod tests {
                 towards < 0.0 && (0.0..1.0).contains(&at) && is_within
             })
         })
+    }
+
+    #[test]
+    fn a_bonnet_has_a_bulge_between_creases_and_crests_of_the_wings() {
+        for shape in [SEDAN, HATCHBACK, SUV, PICKUP, TAXI, ESTATE] {
+            let x = shape.bonnet_foot() + 0.66;
+            let rise = |from: f32, to: f32| shape.on_bonnet(x, to).z - shape.on_bonnet(x, from).z;
+            assert!(rise(0.50, 0.38) > 0.015 && rise(0.86, 0.93) > 0.006, "{}", shape.name);
+        }
+    }
+
+    /// Else one would look through the rear window into an empty box.
+    #[test]
+    fn what_is_behind_a_rear_window_is_filled_or_tinted() {
+        for shape in [SEDAN, HATCHBACK, SUV, TAXI, ESTATE] {
+            let car = model(&shape);
+            let near = car.parts(car.node("near_body").unwrap());
+            let [rear, ..] = shape.cabin.stations;
+            let shelf =
+                near.iter().filter(|part| part.material.name == "carpet").flat_map(|part| &part.vertices);
+            let is_under_glass =
+                |at: Vec3| at.x < rear + 0.3 && (shape.shoulder_at(at.x) - at.z).abs() < 0.05;
+            assert!(shelf.map(|v| v.position).any(is_under_glass), "{} without a shelf", shape.name);
+            let is_tinted = near.iter().any(|part| part.material.name == TINTED.name);
+            assert_eq!(is_tinted, shape.rear == shape::Rear::Hatch, "{}", shape.name);
+        }
     }
 
     #[test]

@@ -23,6 +23,8 @@ pub struct CarShape {
     pub(super) rails: bool,
     /// A lit sign on the roof.
     pub(super) sign: bool,
+    /// Darker glass behind the front doors.
+    pub(super) tinted: bool,
 }
 
 #[derive(Clone, Copy, Debug)]
@@ -74,6 +76,7 @@ pub const SEDAN: CarShape = CarShape {
     clad: false,
     rails: false,
     sign: false,
+    tinted: false,
 };
 
 pub const TAXI: CarShape = CarShape { name: "taxi", height: 1.59, sign: true, ..SEDAN };
@@ -100,6 +103,7 @@ pub const ESTATE: CarShape = CarShape {
     },
     rear: Rear::Hatch,
     rails: true,
+    tinted: true,
     ..SEDAN
 };
 
@@ -129,6 +133,7 @@ pub const HATCHBACK: CarShape = CarShape {
     clad: false,
     rails: false,
     sign: false,
+    tinted: true,
 };
 
 pub const SUV: CarShape = CarShape {
@@ -157,6 +162,7 @@ pub const SUV: CarShape = CarShape {
     clad: true,
     rails: true,
     sign: false,
+    tinted: true,
 };
 
 pub const VAN: CarShape = CarShape {
@@ -176,6 +182,7 @@ pub const VAN: CarShape = CarShape {
     clad: false,
     rails: false,
     sign: false,
+    tinted: false,
 };
 
 pub const PICKUP: CarShape = CarShape {
@@ -195,6 +202,7 @@ pub const PICKUP: CarShape = CarShape {
     clad: true,
     rails: false,
     sign: false,
+    tinted: false,
 };
 
 impl CarShape {

@@ -5,7 +5,7 @@ use super::{
     CHROME, CarDetail, HALF_M, LENGTH_M, PAINT, PLASTIC, PLATE, PrimitiveBuilder, SEAM, StaticMaterial, TAIL,
     WHEEL_RADIUS_M, WHEELBASE_M, WIDTH_M,
 };
-use super::{close, wheel};
+use super::{body, close, wheel};
 use glam::Vec3;
 
 /// Of a taxi's sign.
@@ -44,7 +44,7 @@ pub(super) fn trim(builder: &mut PrimitiveBuilder, shape: &CarShape, detail: Car
             _ => &[front, pillar, rear],
         };
         for &x in doors {
-            seam(builder, shape, x, side);
+            seam(builder, shape, x, (side, detail));
         }
         for x in [pillar + 0.14, rear + 0.22] {
             if x > pillar || matches!(shape.rear, Rear::Boot | Rear::Hatch) {
@@ -63,7 +63,9 @@ pub(super) fn trim(builder: &mut PrimitiveBuilder, shape: &CarShape, detail: Car
         }
     }
     sign(builder, shape);
-    bonnet_gaps(builder, shape);
+    if detail == CarDetail::Near {
+        bonnet_gaps(builder, shape);
+    }
     number_plates(builder, shape, detail);
     ends(builder, shape);
 }
@@ -94,15 +96,13 @@ fn sign(builder: &mut PrimitiveBuilder, shape: &CarShape) {
     builder.plate(&top, SIGN, 255);
 }
 
-/// The gaps along the sides of the bonnet: creases in the paint, as black lines of a centimetre break into dots.
+/// The gaps along the sides of the bonnet: creases in the paint, as black lines of a centimetre break into dots from afar.
 fn bonnet_gaps(builder: &mut PrimitiveBuilder, shape: &CarShape) {
     const HALF_WIDTH_M: f32 = 0.008;
-    const SIDE: f32 = 0.86;
-    let [.., foot] = shape.cabin.stations;
-    let on = |part: f32, f: f32| shape.on_deck(1.0, foot - 0.10, part, f) + Vec3::Z * 0.003;
+    let on = |part: f32, f: f32| shape.on_deck(1.0, shape.bonnet_foot(), part, f) + Vec3::Z * 0.003;
     for sign in [1.0_f32, -1.0] {
         for pair in [0.02, 0.35, 0.7, 0.95].windows(2) {
-            let f = [-1.0, 1.0].map(|edge| sign * SIDE + edge * HALF_WIDTH_M / HALF_M);
+            let f = [-1.0, 1.0].map(|edge| sign * body::BONNET_GAP + edge * HALF_WIDTH_M / HALF_M);
             builder.plate(
                 &[on(pair[0], f[0]), on(pair[1], f[0]), on(pair[1], f[1]), on(pair[0], f[1])],
                 PAINT,
@@ -118,10 +118,14 @@ fn on_side(shape: &CarShape, x: f32, t: f32, side: f32) -> Vec3 {
 }
 
 /// A dark line down a side where two doors meet.
-fn seam(builder: &mut PrimitiveBuilder, shape: &CarShape, x: f32, side: f32) {
+fn seam(builder: &mut PrimitiveBuilder, shape: &CarShape, x: f32, (side, detail): (f32, CarDetail)) {
     const HALF_WIDTH_M: f32 = 0.006;
     // All rows of the shell, so that it bulges out nowhere between them.
-    for pair in [0.15, 0.36, 0.60, 0.76, 0.92, 0.99].windows(2) {
+    let rows: &[f32] = match detail {
+        CarDetail::Close => &[0.15, 0.36, 0.60, 0.76, 0.78, 0.81, 0.84, 0.87, 0.90, 0.92, 0.99],
+        _ => &[0.15, 0.36, 0.60, 0.76, 0.92, 0.99],
+    };
+    for pair in rows.windows(2) {
         let corner = |dx: f32, t: f32| on_side(shape, x + dx, t, side);
         let (a, b) = if side > 0.0 { (HALF_WIDTH_M, -HALF_WIDTH_M) } else { (-HALF_WIDTH_M, HALF_WIDTH_M) };
         let corners = [corner(a, pair[0]), corner(b, pair[0]), corner(b, pair[1]), corner(a, pair[1])];

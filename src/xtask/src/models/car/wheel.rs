@@ -54,13 +54,13 @@ pub(super) fn wheel(radius: f32, width: f32) -> Vec<MeshPrimitive> {
         ];
         builder.plate(&[corners[3], corners[2], corners[1], corners[0]], RIM, 230);
     }
-    builder.plate(&circle(half - 0.016, 0.30 * rim, 10), RIM, 240);
+    builder.plate(&circle(half - 0.016, 0.30 * rim, 12), RIM, 240);
     builder.finish()
 }
 
 /// Wheel for what is near: a tyre with shoulders and grooves, spokes with sides, a brake disc behind them.
 pub(super) fn near_wheel(radius: f32, width: f32) -> Vec<MeshPrimitive> {
-    const SIDES: u32 = 28;
+    const SIDES: u32 = 32;
     let mut builder = PrimitiveBuilder::default();
     let half = width / 2.0;
     let rim = 0.69 * radius;
@@ -85,7 +85,7 @@ pub(super) fn near_wheel(radius: f32, width: f32) -> Vec<MeshPrimitive> {
     builder.grid(&flange, |_| 220, |_, _| Some(RIM));
     let barrel = [(half - 0.014, 0.93 * rim), (half - 0.09, 0.88 * rim)].map(ring);
     builder.grid(&barrel, |_| 70, |_, _| Some(LIP));
-    builder.plate(&inner_side(radius, -0.97 * half, 16), TYRE, 60);
+    builder.plate(&inner_side(0.93 * radius, -0.97 * half, 32), TYRE, 60);
     builder.plate(&circle(half - 0.088, 0.89 * rim, 20), DISC, 90);
     builder.plate(&circle(half - 0.075, 0.66 * rim, 20), BRAKE, 130);
     for k in 0..SPOKES {
@@ -114,17 +114,21 @@ pub(super) fn near_wheel(radius: f32, width: f32) -> Vec<MeshPrimitive> {
     builder.finish()
 }
 
-/// Coarse wheel. It is set slightly inwards, since the arch of a far body covers its top.
+/// Coarse wheel: a tread between discs, the rim a disc before the outer one. It is set slightly inwards, since the arch of a far
+/// body covers its top.
 pub(super) fn far_wheel(radius: f32, width: f32) -> Vec<MeshPrimitive> {
-    const SIDES: u32 = 8;
+    const SIDES: u32 = 12;
+    /// Hardly anything is seen of the inner side.
+    const INNER_SIDES: u32 = 6;
     let mut builder = PrimitiveBuilder::default();
     let (half, rim) = (width / 2.0, 0.68 * radius);
     let outer = half - 0.03;
     let ring = |y: f32, r: f32| (0..=SIDES).map(|k| turned(TAU * k as f32 / SIDES as f32, y, r)).collect();
-    let tyre: [Vec<Vec3>; 3] = [ring(-half, radius), ring(outer, radius), ring(outer, rim)];
-    builder.grid(&tyre, |_| 170, |_, _| Some(TYRE));
-    builder.plate(&circle(outer, rim, SIDES), FAR_RIM, 200);
-    builder.plate(&inner_side(radius, -half, SIDES), TYRE, 60);
+    let tread: [Vec<Vec3>; 2] = [ring(-half, radius), ring(outer, radius)];
+    builder.grid(&tread, |_| 170, |_, _| Some(TYRE));
+    builder.plate(&circle(outer, radius, SIDES), TYRE, 170);
+    builder.plate(&circle(outer + 0.008, rim, SIDES), FAR_RIM, 200);
+    builder.plate(&inner_side(radius, -half, INNER_SIDES), TYRE, 60);
     builder.finish()
 }
 
@@ -167,5 +171,23 @@ pub(super) fn painted(builder: &mut PrimitiveBuilder, [wheelbase, wheel_radius, 
                 120,
             );
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::collections::BTreeSet;
+
+    #[test]
+    fn near_wheels_are_round() {
+        let corners = |parts: &[MeshPrimitive]| {
+            let vertices = parts.iter().flat_map(|part| &part.vertices);
+            let tread = vertices.filter(|v| (v.position.with_y(0.0).length() - 0.34).abs() < 1e-4);
+            let turns = tread.map(|v| (v.position.x.atan2(v.position.z).to_degrees() * 4.0).round() as i32);
+            turns.map(|turn| turn.rem_euclid(4 * 360)).collect::<BTreeSet<_>>().len()
+        };
+        let counts = [near_wheel, wheel, far_wheel].map(|made| corners(&made(0.34, WIDTH_M)));
+        assert_eq!(counts, [32, 16, 12]);
     }
 }
