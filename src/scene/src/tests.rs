@@ -366,9 +366,20 @@ fn the_city_keeps_to_its_budget_of_triangles() {
         (false, true) => 2,
         (false, false) => 0,
     };
+    // And so have the levels of trees and people that are drawn from a few metres away.
+    let is_leaf_overhead = |v: &Vertex| v.finish.surface == Surface::Leaves && v.position.z > 2.5;
+    let has_near_level = |object: &&SceneObject| {
+        is_person(object)
+            || object.levels.len() > 1 && object.levels[0].mesh.vertices.iter().any(is_leaf_overhead)
+    };
+    let nearest = |object: &SceneObject| object.levels[0].mesh.triangle_count();
+    let near_by: usize = all().filter(has_near_level).map(nearest).sum();
+    assert!(near_by < 560_000, "{near_by} of trees and people near by");
     let budget = |kind: u32| {
         let objects = || all().filter(|object| kind_of(object) == kind);
-        let finest: usize = objects().map(|object| object.levels[0].mesh.triangle_count()).sum();
+        let usual =
+            |object: &SceneObject| object.levels[usize::from(has_near_level(&object))].mesh.triangle_count();
+        let finest: usize = objects().map(usual).sum();
         let last = objects().filter_map(|object| object.levels.last());
         let coarsest: usize = last.map(|level| level.mesh.triangle_count()).sum();
         [finest, coarsest]
