@@ -288,14 +288,14 @@ impl Figure {
         ];
         let is_short = matches!(self.dress, Dress::Shirt | Dress::Frock);
         let sleeve: &[(Vec3, [f32; 2])] = if is_short {
-            &[(upper(0.70), [0.057, 0.062]), (upper(0.68), [0.036, 0.038])]
+            &[(upper(0.70), [0.057, 0.062]), (upper(0.71), [0.036, 0.038])]
         } else {
             &[
                 (upper(0.65), [0.050, 0.054]),
                 (elbow, [0.045, 0.048]),
                 (lower(0.45), [0.043, 0.046]),
                 (lower(0.95), [0.037, 0.040]),
-                (lower(0.94), [0.020, 0.022]),
+                (lower(0.96), [0.020, 0.022]),
             ]
         };
         let sleeve: Vec<_> = root.iter().chain(sleeve).copied().collect();
