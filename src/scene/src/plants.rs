@@ -87,7 +87,7 @@ fn hedge_piece(mesh: &mut Mesh, [a, b]: [Vec2; 2], height: f32, seed: u32, is_ne
         for (k, &(out, up, openness)) in profile.iter().enumerate() {
             let salt = station * 16 + k as u32;
             let jitter =
-                if is_near && up > 0.0 { 0.11 * (super::hash_to_unit(seed, salt) - 0.5) } else { 0.0 };
+                if is_near && up > 0.0 { 0.08 * (super::hash_to_unit(seed, salt) - 0.5) } else { 0.0 };
             let out_m = half * out + jitter * out.signum();
             let z = 0.05 + height * up + 0.6 * jitter * up;
             if let Some(&(before, low, _)) = k.checked_sub(1).and_then(|k| profile.get(k)) {
