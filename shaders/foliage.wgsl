@@ -143,12 +143,29 @@ fn near_foliage(far: Foliage, layer: u32, uv: vec2<f32>, dx: array<vec3<f32>, 2>
     );
 }
 
+// Width of the lobes of a crown, and distances between which they come in, metres: nearer there are sprays and leaves.
+const LOBE_M: f32 = 1.4;
+const LOBES_M: vec2<f32> = vec2<f32>(25.0, 60.0);
+
+// Lobes of crowns at a middle distance, whose meshes have few faces: each is round, with shade around it.
+fn lobed(near: Foliage, world: vec3<f32>, pixel: vec2<f32>) -> Foliage {
+    let away = smoothstep(LOBES_M.x, LOBES_M.y, length(world - view.eye.xyz)) * detail_seen(pixel, LOBE_M);
+    if away <= 0.0 {
+        return near;
+    }
+    let lobe = stones((world.xy + vec2<f32>(0.8, 0.6) * world.z) / LOBE_M, 97u);
+    let light = (0.66 + 0.40 * lobe.w) * (0.84 + 0.32 * lobe.z);
+    let round = vec3<f32>(lobe.xy * (1.2 * away), 0.25 * away * lobe.w);
+    return Foliage(near.albedo * mix(1.0, light, away), normalize(near.normal + round), near.height);
+}
+
 // Width of a tree of a far wood, and distances between which its trees are told apart by light alone, metres.
 const TREE_M: f32 = 6.5;
 const WOOD_M: vec2<f32> = vec2<f32>(90.0, 180.0);
 
 // Trees of a far wood, whose mesh is one canopy: each has a round top and a tone of its own.
-fn far_wood(near: Foliage, world: vec3<f32>, pixel: vec2<f32>) -> Foliage {
+fn far_wood(leafy: Foliage, world: vec3<f32>, pixel: vec2<f32>) -> Foliage {
+    let near = lobed(leafy, world, pixel);
     let away = smoothstep(WOOD_M.x, WOOD_M.y, length(world - view.eye.xyz)) * detail_seen(pixel, TREE_M);
     if away <= 0.0 {
         return near;

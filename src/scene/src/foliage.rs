@@ -60,12 +60,12 @@ const CUTS: u32 = 4;
 const INSIDE: f32 = 0.42;
 
 impl Crown {
-    fn hash_to_unit(&self, index: u32, salt: u32) -> f32 {
+    pub(super) fn hash_to_unit(&self, index: u32, salt: u32) -> f32 {
         super::hash_to_unit(self.seed.wrapping_mul(977).wrapping_add(index), salt)
     }
 
     /// Centre and half size of the bounding box of all clumps.
-    fn bulk(&self) -> (Vec3, Vec3) {
+    pub(super) fn bulk(&self) -> (Vec3, Vec3) {
         let low = self.clumps.iter().map(|c| c.centre - c.size).fold(Vec3::INFINITY, Vec3::min);
         let high = self.clumps.iter().map(|c| c.centre + c.size).fold(Vec3::NEG_INFINITY, Vec3::max);
         ((low + high) / 2.0, ((high - low) / 2.0).max(Vec3::splat(1e-3)))
@@ -73,7 +73,7 @@ impl Crown {
 
     /// A vertex of the surface. Points deep or low in the crown get less light; normals are blended with
     /// those of the whole crown.
-    fn leaf(&self, position: Vec3, normal: Vec3, uv: Vec2, tone: f32) -> Vertex {
+    pub(super) fn leaf(&self, position: Vec3, normal: Vec3, uv: Vec2, tone: f32) -> Vertex {
         let (middle, half) = self.bulk();
         let out = (position - middle) / half;
         let height = 0.5 + 0.5 * out.z.clamp(-1.0, 1.0);
@@ -97,7 +97,7 @@ impl Crown {
     }
 
     /// Whether a point is well inside another clump than `index`.
-    fn is_hidden(&self, point: Vec3, index: usize) -> bool {
+    pub(super) fn is_hidden(&self, point: Vec3, index: usize) -> bool {
         self.clumps.iter().enumerate().any(|(k, clump)| k != index && clump.depth(point) < 0.94)
     }
 

@@ -10,10 +10,10 @@ use glam::{DVec2, Vec2, Vec3};
 const HEDGE: Finish = Finish::new(Surface::Leaves, [110, 136, 79], Class::Vegetation);
 
 /// Spacing of cross-sections along a hedge.
-const STATION_M: f32 = 2.6;
+const STATION_M: f32 = 1.5;
 pub(super) const HEDGE_WIDTH_M: f32 = 0.9;
 /// Repeats of the leaves over a metre.
-const HEDGE_REPEATS: f32 = 0.75;
+const HEDGE_REPEATS: f32 = 1.15;
 
 /// A clipped hedge within a polygon, or along what openings at these ways and places without room leave of a line.
 pub(super) fn hedge(
@@ -59,12 +59,16 @@ fn hedge_piece(mesh: &mut Mesh, [a, b]: [Vec2; 2], height: f32, seed: u32, is_ne
     // Profile: lateral position over half the width, height over the whole, openness.
     let profile: &[(f32, f32, u8)] = if is_near {
         &[
-            (0.94, 0.0, 90),
-            (1.0, 0.80, 215),
-            (0.72, 1.0, 250),
-            (-0.72, 1.0, 250),
-            (-1.0, 0.80, 215),
-            (-0.94, 0.0, 90),
+            (0.92, 0.0, 90),
+            (1.0, 0.45, 180),
+            (0.97, 0.82, 220),
+            (0.80, 0.96, 240),
+            (0.42, 1.02, 250),
+            (-0.42, 1.02, 250),
+            (-0.80, 0.96, 240),
+            (-0.97, 0.82, 220),
+            (-1.0, 0.45, 180),
+            (-0.92, 0.0, 90),
         ]
     } else {
         &[(1.0, 0.0, 90), (0.95, 0.96, 235), (-0.95, 0.96, 235), (-1.0, 0.0, 90)]
@@ -83,7 +87,7 @@ fn hedge_piece(mesh: &mut Mesh, [a, b]: [Vec2; 2], height: f32, seed: u32, is_ne
         for (k, &(out, up, openness)) in profile.iter().enumerate() {
             let salt = station * 16 + k as u32;
             let jitter =
-                if is_near && up > 0.0 { 0.09 * (super::hash_to_unit(seed, salt) - 0.5) } else { 0.0 };
+                if is_near && up > 0.0 { 0.08 * (super::hash_to_unit(seed, salt) - 0.5) } else { 0.0 };
             let out_m = half * out + jitter * out.signum();
             let z = 0.05 + height * up + 0.6 * jitter * up;
             if let Some(&(before, low, _)) = k.checked_sub(1).and_then(|k| profile.get(k)) {

@@ -1,5 +1,8 @@
 //! Trees: prototypes of several species, instanced where the map has trees.
 
+mod near;
+mod spruce;
+
 use super::foliage::{Clump, Crown, CrownDetail, limb};
 use super::mesh::{Class, Finish, Mesh, Surface, Vertex};
 use super::places::Disc;
@@ -55,15 +58,19 @@ const VARIANTS: u32 = 3;
 /// Level of detail of a tree.
 #[derive(Clone, Copy)]
 enum TreeDetail {
+    /// Sprays of leaves around a dark inside.
+    Near,
     /// Leaf clumps and branches; faces around the trunk.
     Clumps(CrownDetail, u32),
     /// A hull with these numbers of faces; faces around the trunk.
     Hull([u32; 2], u32),
 }
 
-const FINEST: TreeDetail = TreeDetail::Clumps(CrownDetail { clumps: [6, 4], sprays: 22 }, 5);
+/// What hulls are fitted to.
+const USUAL: CrownDetail = CrownDetail { clumps: [6, 4], sprays: 22 };
 /// Coarser levels with their errors in crown radii. Hulls differ from crowns by more than their silhouettes.
-const COARSER: [(TreeDetail, f32); 6] = [
+const COARSER: [(TreeDetail, f32); 7] = [
+    (TreeDetail::Clumps(USUAL, 5), 0.018),
     (TreeDetail::Clumps(CrownDetail { clumps: [5, 3], sprays: 20 }, 5), 0.06),
     (TreeDetail::Clumps(CrownDetail { clumps: [4, 2], sprays: 6 }, 3), 0.10),
     (TreeDetail::Hull([8, 5], 3), 0.17),
@@ -102,7 +109,7 @@ impl TreePrototypes {
                 grow(&mut mesh, kind, variant, detail);
                 mesh
             };
-            let mut object = SceneObject::of_one_level(grown(FINEST));
+            let mut object = SceneObject::of_one_level(grown(TreeDetail::Near));
             for (detail, error_m) in COARSER {
                 object.add_level(grown(detail), error_m);
             }
@@ -338,11 +345,20 @@ impl TreeChoice {
 fn grow(mesh: &mut Mesh, kind: TreeKind, variant: u32, detail: TreeDetail) {
     let seed = kind as u32 * 31 + variant;
     if kind == TreeKind::Spruce {
-        return spruce(mesh, seed, detail);
+        return spruce::spruce(mesh, seed, detail);
     }
     let tree = Tree::new(kind, seed);
     let crown = Crown { clumps: tree.clumps(), finish: LEAVES, seed };
+    let usual = || {
+        let mut leaves = Mesh::default();
+        crown.draw(&mut leaves, USUAL);
+        leaves
+    };
     match detail {
+        TreeDetail::Near => {
+            near::wood(mesh, &tree, &crown.clumps);
+            near::crown(mesh, &crown, &usual());
+        }
         TreeDetail::Clumps(leafage, sides) => {
             tree.trunk(mesh, sides);
             if leafage.sprays > 0 {
@@ -353,11 +369,7 @@ fn grow(mesh: &mut Mesh, kind: TreeKind, variant: u32, detail: TreeDetail) {
         TreeDetail::Hull(faces, sides) => {
             let top = Vec3::Z * (tree.clear + 0.3) + tree.bend();
             limb(mesh, &[(Vec3::ZERO, tree.girth), (top, tree.girth * 0.6)], sides, tree.bark());
-            let mut leaves = Mesh::default();
-            if let TreeDetail::Clumps(leafage, _) = FINEST {
-                crown.draw(&mut leaves, leafage);
-            }
-            crown.hull(mesh, faces, leaves.bounds());
+            crown.hull(mesh, faces, usual().bounds());
         }
     }
 }
@@ -511,84 +523,5 @@ impl Tree {
             let finish = if self.kind == TreeKind::Birch { BIRCH_TWIGS } else { self.bark().shaded(0.86) };
             limb(mesh, &joints, 3, finish);
         }
-    }
-}
-
-/// A spruce: tiers of hanging branches, each a star.
-fn spruce(mesh: &mut Mesh, seed: u32, detail: TreeDetail) {
-    let hash_to_unit = |salt: u32| super::hash_to_unit(seed, salt);
-    let height = 4.5 * (0.92 + 0.2 * hash_to_unit(1));
-    let (sides, tiers, trunk) = match detail {
-        TreeDetail::Clumps(..) => (12, 6, 5),
-        TreeDetail::Hull([8, _], _) => (8, 4, 3),
-        TreeDetail::Hull([7, _], _) => (6, 3, 3),
-        TreeDetail::Hull([5, _], _) => (5, 2, 3),
-        TreeDetail::Hull(..) => (4, 1, 3),
-    };
-    limb(mesh, &[(Vec3::ZERO, 0.11), (Vec3::Z * 0.7, 0.08)], trunk, BARK.shaded(0.8));
-    let first = 0.09 * height;
-    for k in 0..tiers {
-        let part = k as f32 / tiers as f32;
-        let (from, wide) =
-            (first + (height - first) * part, (1.0 - part) * (0.95 + 0.1 * hash_to_unit(10 + k)));
-        // Tiers reach into those above them, the last to the tip.
-        let next = first + (height - first) * (k + 1) as f32 / tiers as f32;
-        let to = if k + 1 == tiers {
-            height
-        } else {
-            (from + (height - from) * (0.30 + 1.1 / tiers as f32))
-                .max(next + 0.45 * (height - next))
-                .min(height)
-        };
-        let is_star = tiers > 3;
-        tier(
-            mesh,
-            Vec3::Z * from,
-            [wide, to - from],
-            (TAU * hash_to_unit(20 + k), sides, is_star),
-            0.84 + 0.30 * part,
-        );
-    }
-}
-
-/// A tier: a cone with a jagged rim, dark below.
-fn tier(
-    mesh: &mut Mesh,
-    foot: Vec3,
-    [radius, height]: [f32; 2],
-    (turn, sides, is_star): (f32, u32, bool),
-    tone: f32,
-) {
-    let finish = NEEDLES.shaded(tone);
-    let base = mesh.vertices.len() as u32;
-    for k in 0..=sides {
-        let (sin, cos) = (turn + TAU * (k % sides) as f32 / sides as f32).sin_cos();
-        let normal = Vec3::new(cos * height, sin * height, 0.8 * radius).normalize_or(Vec3::Z);
-        let is_notch = is_star && k % 2 == 1;
-        let (out, drop) = if is_notch { (0.70, 0.16 * height) } else { (1.0, -0.05 * height) };
-        let uv = Vec2::new(k as f32 / sides as f32 * (TAU * radius).round().max(1.0), 0.0);
-        let rim = foot + Vec3::new(cos * out, sin * out, 0.0) * radius + Vec3::Z * drop;
-        let openness = if is_notch { 120 } else { 225 };
-        mesh.vertex(Vertex { position: rim, normal, uv, finish, openness });
-        let tip = foot + Vec3::Z * height;
-        mesh.vertex(Vertex { position: tip, normal, uv: uv + Vec2::Y * height, finish, openness: 130 });
-    }
-    for k in 0..sides {
-        let a = base + 2 * k;
-        mesh.indices.extend([a, a + 2, a + 1]);
-    }
-    if !is_star {
-        return;
-    }
-    let middle = mesh.vertex(Vertex {
-        position: foot + Vec3::Z * (0.30 * height),
-        normal: -Vec3::Z,
-        uv: Vec2::ZERO,
-        finish: finish.shaded(0.6),
-        openness: 60,
-    });
-    for k in 0..sides {
-        let a = base + 2 * k;
-        mesh.indices.extend([a + 2, a, middle]);
     }
 }

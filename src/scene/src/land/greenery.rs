@@ -352,6 +352,15 @@ impl Greenery<'_> {
             draw(coarse, k, k + 1, false);
             draw(coarser, k, k + 1, false);
         }
+        let is_drawn = |k: u32| k < last && stands[k as usize] && stands[k as usize + 1];
+        for k in (0..=last).filter(|_| is_fine) {
+            let ground_m = self.ground_m(hedgerow.station(k)) - 0.2;
+            match (k > 0 && is_drawn(k - 1), is_drawn(k)) {
+                (true, false) => hedgerow.end(fine, k, ground_m, 1.0),
+                (false, true) => hedgerow.end(fine, k, ground_m, -1.0),
+                _ => {}
+            }
+        }
         let mut from = 0;
         while from < last {
             let joined = (from..=last.min(from + HEDGE_JOINED)).take_while(|&k| stands[k as usize]);

@@ -1,16 +1,17 @@
-//! A figure of low-poly limbs in one of several postures, and the clothes that it wears.
+//! A figure in one of several postures, and the clothes that it wears: a body near by, low-poly limbs farther away.
 
 use super::super::bicycles;
 use super::super::foliage::limb;
 use super::super::mesh::{Class, Finish, Mesh, Surface};
 use super::super::{SceneObject, hash_to_unit};
+use super::body;
 use glam::{Quat, Vec3};
 
-/// Errors of the coarser levels, and of the one without arms.
-const COARSER: [(u32, f32); 2] = [(4, 0.03), (3, 0.06)];
+/// Sides and errors of the levels with limbs, and the error of the one without arms.
+const COARSER: [(u32, f32); 3] = [(FACE_SIDES, 0.015), (4, 0.03), (3, 0.06)];
 const PLAIN_ERROR_M: f32 = 0.33;
 /// From the middle of the hips to a leg.
-const HIP_M: f32 = 0.095;
+pub(super) const HIP_M: f32 = 0.095;
 /// Height of the hips of who stands, and over the seat of who sits.
 const HIPS_M: f32 = 0.86;
 const SEATED_M: f32 = 0.06;
@@ -93,7 +94,7 @@ const SEATED: Joints = [[0.42, 0.095, 0.90], [0.40, 0.095, 0.49], [0.58, 0.095, 
 
 impl Pose {
     /// Middle of the hips.
-    fn hips(self) -> Vec3 {
+    pub(super) fn hips(self) -> Vec3 {
         Vec3::Z * if self.is_seated() { SEATED_M } else { HIPS_M }
     }
 
@@ -102,7 +103,7 @@ impl Pose {
     }
 
     /// Sine of the angle by which the trunk leans forward.
-    fn lean(self) -> f32 {
+    pub(super) fn lean(self) -> f32 {
         match self {
             Self::Stride | Self::Pass | Self::Carry => 0.06,
             Self::Wheel => 0.10,
@@ -111,7 +112,7 @@ impl Pose {
     }
 
     /// How far the head is bent forward, as a share of its height, and its turn to the left, radians.
-    fn head(self) -> [f32; 2] {
+    pub(super) fn head(self) -> [f32; 2] {
         match self {
             Self::Phone | Self::SitWithPhone => [0.40, 0.0],
             Self::Lead => [0.10, -0.5],
@@ -158,6 +159,16 @@ impl Pose {
         }
     }
 
+    /// The joints of a leg: of the left one for a side of 1, of the right one for -1.
+    pub(super) fn leg(self, side: f32) -> [Vec3; 3] {
+        on_side(self.legs()[usize::from(side < 0.0)], side, self.drop())
+    }
+
+    /// The joints of an arm.
+    pub(super) fn arm(self, side: f32) -> [Vec3; 3] {
+        on_side(self.arms()[usize::from(side < 0.0)], side, self.drop())
+    }
+
     /// What limbs of who sits are lower by.
     fn drop(self) -> Vec3 {
         Vec3::Z * (HIPS_M - self.hips().z)
@@ -170,17 +181,22 @@ fn on_side(joints: Joints, side: f32, drop: Vec3) -> [Vec3; 3] {
 }
 
 /// Parts of a figure, each with a colour of its own until it is dressed.
-const COAT: Finish = part(0);
-const SLEEVE: Finish = part(1);
-const TROUSERS: Finish = part(2);
-const SHOES: Finish = part(3);
-const SKIN: Finish = part(4);
-const NOSE: Finish = part(5);
-const MOUTH: Finish = part(6);
-const HAIR: Finish = part(7);
-const EYE: Finish = part(8);
-const BAG: Finish = part(9);
+pub(super) const COAT: Finish = part(0);
+pub(super) const SLEEVE: Finish = part(1);
+pub(super) const TROUSERS: Finish = part(2);
+pub(super) const SHOES: Finish = part(3);
+pub(super) const SKIN: Finish = part(4);
+pub(super) const NOSE: Finish = part(5);
+pub(super) const MOUTH: Finish = part(6);
+pub(super) const HAIR: Finish = part(7);
+pub(super) const EYE: Finish = part(8);
+pub(super) const BAG: Finish = part(9);
 const PHONE: Finish = part(10);
+pub(super) const COLLAR: Finish = part(11);
+pub(super) const SHIRT: Finish = part(12);
+pub(super) const BELT: Finish = part(13);
+pub(super) const LEGS: Finish = part(14);
+pub(super) const EYE_WHITE: Finish = part(15);
 
 const fn part(number: u8) -> Finish {
     Finish::new(Surface::Plain, [number, 0, 255], Class::Person)
@@ -194,6 +210,9 @@ pub(super) struct Outfit {
     hair: [u8; 3],
     skin: [u8; 3],
     bag: [u8; 3],
+    shirt: [u8; 3],
+    shoes: [u8; 3],
+    legs: [u8; 3],
 }
 
 const COATS: [[u8; 3]; 12] = [
@@ -217,6 +236,10 @@ const HAIRS: [[u8; 3]; 7] =
 const SKINS: [[u8; 3]; 6] =
     [[214, 172, 142], [226, 186, 158], [150, 108, 82], [222, 180, 150], [188, 140, 108], [120, 84, 62]];
 const BAGS: [[u8; 3]; 5] = [[70, 52, 40], [196, 172, 120], [40, 42, 48], [150, 50, 46], [222, 216, 200]];
+const SHIRTS: [[u8; 3]; 5] = [[226, 226, 224], [186, 200, 216], [60, 62, 70], [218, 206, 182], [150, 62, 58]];
+const SHOES_OF: [[u8; 3]; 5] = [[28, 28, 30], [216, 214, 208], [84, 58, 40], [44, 40, 38], [70, 74, 84]];
+/// Tights; others have bare legs.
+const TIGHTS: [[u8; 3]; 2] = [[44, 42, 46], [74, 60, 54]];
 
 impl Outfit {
     /// A drawn one, with another coat than that of the last person.
@@ -227,12 +250,16 @@ impl Outfit {
             coat = (coat + 1) % COATS.len();
         }
         *last_coat = coat;
+        let skin = SKINS[pick(14, SKINS.len())];
         Self {
             coat: COATS[coat],
             trousers: TROUSERS_OF[pick(12, TROUSERS_OF.len())],
             hair: HAIRS[pick(13, HAIRS.len())],
-            skin: SKINS[pick(14, SKINS.len())],
+            skin,
             bag: BAGS[pick(15, BAGS.len())],
+            shirt: SHIRTS[pick(17, SHIRTS.len())],
+            shoes: SHOES_OF[pick(18, SHOES_OF.len())],
+            legs: TIGHTS.get(pick(19, 4)).copied().unwrap_or(skin),
         }
     }
 
@@ -242,12 +269,17 @@ impl Outfit {
             COAT => (self.coat, 1.0),
             SLEEVE => (self.coat, 0.92),
             TROUSERS => (self.trousers, 1.0),
-            SHOES => (self.trousers, 0.45),
+            SHOES => (self.shoes, 1.0),
             SKIN => (self.skin, 1.0),
             NOSE => (self.skin, 0.94),
             MOUTH => (self.skin, 0.62),
             HAIR => (self.hair, 1.0),
             BAG => (self.bag, 1.0),
+            COLLAR => (self.coat, 0.74),
+            SHIRT => (self.shirt, 1.0),
+            BELT => ([46, 36, 30], 1.0),
+            LEGS => (self.legs, 1.0),
+            EYE_WHITE => ([222, 216, 208], 1.0),
             PHONE => ([26, 28, 32], 1.0),
             _ => ([38, 30, 28], 1.0),
         };
@@ -255,11 +287,75 @@ impl Outfit {
     }
 }
 
-/// A model of figures: a pose, and whether with long hair and a long coat.
+/// What a figure wears.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Dress {
+    /// A jacket over a shirt.
+    Jacket,
+    /// A shirt with short sleeves, tucked in.
+    Shirt,
+    /// A coat to the knees, with a scarf.
+    Coat,
+    /// A frock to the knees, with short sleeves.
+    Frock,
+}
+
+/// A model of figures: a pose, with long hair or without, dressed for a warm day or not.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Model {
     pub(super) pose: Pose,
     pub(super) has_long_hair: bool,
+    pub(super) is_light: bool,
+}
+
+impl Model {
+    /// What it wears; nobody sits in what is long.
+    pub(super) fn dress(self) -> Dress {
+        match (self.has_long_hair && !self.pose.is_seated(), self.is_light) {
+            (true, true) => Dress::Frock,
+            (true, false) => Dress::Coat,
+            (false, true) => Dress::Shirt,
+            (false, false) => Dress::Jacket,
+        }
+    }
+}
+
+/// The hem of a coat, which falls over both thighs: its height over the hips, half width and depth, and how far in front of
+/// the hips its middle is.
+pub(super) fn hem(pose: Pose) -> [f32; 4] {
+    const UP_M: f32 = -0.32;
+    /// Of a leg, with the cloth.
+    const THICK_M: f32 = 0.105;
+    let at = |side: f32| {
+        let thigh = pose.hips() + Vec3::Y * (HIP_M * side);
+        let [knee, ..] = pose.leg(side);
+        thigh.lerp(knee, UP_M / (knee.z - thigh.z))
+    };
+    let [left, right] = [at(1.0), at(-1.0)];
+    let [front, back] = [left.x.max(right.x) + THICK_M, left.x.min(right.x) - THICK_M];
+    let wide = left.y.max(-right.y) + 0.8 * THICK_M;
+    [UP_M, wide, ((front - back) / 2.0).max(0.125), front.midpoint(back)]
+}
+
+/// What a figure has in its right hand.
+pub(super) fn belongings(mesh: &mut Mesh, pose: Pose, is_near: bool) {
+    const BAG_M: Vec3 = Vec3::new(0.34, 0.12, 0.27);
+    let [_, _, fingers] = pose.arm(-1.0);
+    match pose {
+        Pose::Carry => {
+            let top = fingers - Vec3::Z * 0.09;
+            mesh.block(top - Vec3::Z * BAG_M.z, BAG_M, 0.0, BAG);
+            for y in [-0.045, 0.045].into_iter().filter(|_| is_near) {
+                let end = |x: f32| (top + Vec3::new(x, y, -0.01), 0.006);
+                limb(mesh, &[end(-0.10), (fingers + Vec3::new(0.0, 0.2 * y, 0.01), 0.006)], 3, BAG);
+                limb(mesh, &[end(0.10), (fingers + Vec3::new(0.0, 0.2 * y, 0.01), 0.006)], 3, BAG);
+            }
+        }
+        Pose::Phone | Pose::SitWithPhone => {
+            mesh.block(fingers, Vec3::new(0.02, 0.075, 0.13), 0.0, PHONE);
+        }
+        _ => {}
+    }
 }
 
 /// A figure of 1.75 m that looks along x, its feet at the origin, or its seat if it sits; `sides` are those of its
@@ -268,40 +364,49 @@ fn figure(mesh: &mut Mesh, model: Model, sides: u32) {
     let pose = model.pose;
     let few = sides.saturating_sub(1).max(3);
     let hips = pose.hips();
-    let (lean, drop) = (pose.lean(), pose.drop());
+    let lean = pose.lean();
     let spine = |up: f32| hips + Vec3::new(lean, 0.0, (1.0 - lean * lean).sqrt()) * up;
-    for (side, (leg, arm)) in [1.0, -1.0].into_iter().zip(pose.legs().into_iter().zip(pose.arms())) {
-        let [knee, ankle, tip] = on_side(leg, side, drop);
-        let thigh = hips + Vec3::Y * (HIP_M * side);
-        limb(mesh, &[(thigh, 0.105), (knee, 0.07), (ankle, 0.05)], few, TROUSERS);
+    let dress = model.dress();
+    let legs = if dress == Dress::Frock { LEGS } else { TROUSERS };
+    let is_short = matches!(dress, Dress::Shirt | Dress::Frock);
+    for side in [1.0, -1.0] {
+        let [knee, ankle, tip] = pose.leg(side);
+        let hip = hips + Vec3::Y * (HIP_M * side);
+        // A coat or frock hides the upper part.
+        let thigh = if matches!(dress, Dress::Coat | Dress::Frock) { hip.lerp(knee, 0.7) } else { hip };
+        limb(
+            mesh,
+            &[(thigh, if thigh == hip { 0.105 } else { 0.078 }), (knee, 0.07), (ankle, 0.05)],
+            few,
+            legs,
+        );
         let foot = [(ankle - Vec3::X * 0.05, 0.055), (tip, 0.035), (tip + Vec3::X * 0.02, 0.0)];
         limb(mesh, &foot, 3, SHOES);
         let shoulder = spine(0.525) + Vec3::Y * (0.185 * side);
-        let [elbow, hand, fingers] = on_side(arm, side, drop);
+        let [elbow, hand, fingers] = pose.arm(side);
         // From within the trunk, so that no light is seen between.
         let inside = spine(0.56) + Vec3::Y * (0.07 * side);
-        limb(mesh, &[(inside, 0.062), (shoulder, 0.07), (elbow, 0.052), (hand, 0.042)], 3, SLEEVE);
-        limb(mesh, &[(hand, 0.042), (fingers, 0.012)], 3, SKIN);
-        let is_right = side < 0.0;
-        if is_right && pose == Pose::Carry {
-            mesh.block(fingers - Vec3::Z * 0.30, Vec3::new(0.34, 0.12, 0.32), 0.0, BAG);
-        }
-        if is_right && matches!(pose, Pose::Phone | Pose::SitWithPhone) {
-            mesh.block(fingers, Vec3::new(0.02, 0.075, 0.13), 0.0, PHONE);
-        }
+        let upper = [(inside, 0.062), (shoulder, 0.07), (elbow, 0.052), (hand, 0.042)];
+        let lower = [(elbow, 0.052), (hand, 0.042), (fingers, 0.012)];
+        let (sleeve, bare) = if is_short { (&upper[..3], &lower[..]) } else { (&upper[..], &lower[1..]) };
+        limb(mesh, sleeve, 3, SLEEVE);
+        limb(mesh, bare, 3, SKIN);
     }
+    belongings(mesh, pose, false);
     let first = mesh.vertices.len();
     let shoulders = [(spine(0.40), 0.19), (spine(0.56), 0.155), (spine(0.62), 0.055)];
     let waist = [(spine(-0.10), 0.135), (spine(0.05), 0.17)];
-    let hem = [(spine(-0.30), 0.245), (spine(0.02), 0.215)];
-    let is_long = model.has_long_hair && !pose.is_seated();
-    let trunk: Vec<_> = if is_long { hem } else { waist }.into_iter().chain(shoulders).collect();
+    let [hem_up, wide, deep, forward] = hem(pose);
+    let skirt = [(spine(hem_up), wide), (spine(0.02), 0.18)];
+    let is_long = matches!(dress, Dress::Coat | Dress::Frock);
+    let trunk: Vec<_> = if is_long { skirt } else { waist }.into_iter().chain(shoulders).collect();
     limb(mesh, &trunk, sides, COAT);
     for vertex in &mut mesh.vertices[first..] {
         let middle = hips.x + lean * (vertex.position.z - hips.z);
         // A long coat covers the stride.
-        let depth = if is_long && vertex.position.z < hips.z { 1.25 } else { DEPTH };
-        vertex.position.x = middle + depth * (vertex.position.x - middle);
+        let (depth, forward) =
+            if is_long && vertex.position.z < hips.z { (deep / wide, forward) } else { (DEPTH, 0.0) };
+        vertex.position.x = middle + forward + depth * (vertex.position.x - middle);
     }
     head(mesh, spine(0.60), model, sides);
 }
@@ -368,7 +473,9 @@ pub(super) fn object(model: Model) -> SceneObject {
         figure(&mut mesh, model, sides);
         mesh
     };
-    let mut object = SceneObject::of_one_level(drawn(FACE_SIDES));
+    let mut near = Mesh::default();
+    body::body(&mut near, model);
+    let mut object = SceneObject::of_one_level(near);
     for (sides, error_m) in COARSER {
         object.add_level(drawn(sides), error_m);
     }
@@ -413,13 +520,14 @@ mod tests {
     fn figures_are_as_tall_as_people_and_coarser_from_afar() {
         for pose in POSES {
             for has_long_hair in [false, true] {
-                let object = object(Model { pose, has_long_hair });
+                let object = object(Model { pose, has_long_hair, is_light: false });
                 let [low, high] = object.levels[0].mesh.bounds();
                 let tall_m = if pose.is_seated() { 1.4 } else { 1.75 };
                 assert!((high.z - low.z - tall_m).abs() < 0.12, "{pose:?}: {} m", high.z - low.z);
                 let counts: Vec<usize> =
                     object.levels.iter().map(|level| level.mesh.triangle_count()).collect();
-                assert!(counts.windows(2).all(|pair| pair[1] < pair[0]) && counts[0] < 340, "{counts:?}");
+                assert!(counts.windows(2).all(|pair| pair[1] < pair[0]) && counts[0] < 1600, "{counts:?}");
+                assert!(counts.len() >= 3 && counts[1] < 340, "{counts:?}");
             }
         }
     }

@@ -1,7 +1,9 @@
 //! People on pavements and benches, alone and in company. They are scenery: nothing collides with them, and they stay in
 //! their pose.
 
+mod body;
 mod figure;
+mod loft;
 
 use super::bicycles;
 use super::crossings::{Crossing, DEEP_M};
@@ -87,7 +89,11 @@ struct Crowd {
 
 impl Crowd {
     fn new() -> Self {
-        let of = |pose| [false, true].map(|has_long_hair| Model { pose, has_long_hair });
+        let both = [false, true];
+        let of = |pose| {
+            let with = move |has_long_hair| both.map(|is_light| Model { pose, has_long_hair, is_light });
+            both.into_iter().flat_map(with)
+        };
         let models = POSES.into_iter().flat_map(of).map(|model| (model, figure::object(model)));
         Self {
             models: models.collect(),
@@ -98,7 +104,9 @@ impl Crowd {
     }
 
     fn add(&mut self, seed: u32, person: &Person, height_m: f32) {
-        let wanted = Model { pose: person.pose, has_long_hair: hash_to_unit(seed, 1) < 0.5 };
+        let [has_long_hair, is_light] =
+            [(1, 0.5), (20, 0.45)].map(|(salt, share)| hash_to_unit(seed, salt) < share);
+        let wanted = Model { pose: person.pose, has_long_hair, is_light };
         let Some((_, model)) = self.models.iter().find(|(model, _)| *model == wanted) else { return };
         let outfit = Outfit::drawn(seed, &mut self.last_coat);
         let turn = Quat::from_rotation_z(person.yaw_rad);
