@@ -215,7 +215,11 @@ fn why(
     let Some(decision) = decision else { return row(ui, "Why", not_told(shown), tip) };
     let text = reason_words(shown, decision);
     if driver == Some(CRUISE) {
-        // Else a free road before an obstacle would mislead.
+        // A free road before an obstacle would mislead.
+        let text = match decision.reason {
+            DecisionReason::FreeRoad => "at its own speed",
+            _ => &text,
+        };
         let text = format!("{text}; cruise ignores other vehicles");
         return row(ui, "Why", &text, tip);
     }

@@ -189,7 +189,10 @@ const QUEUE: &str = "Vehicles on their way, also collided ones, that became slow
 
 const COLUMNS: [(&str, &str); 10] = [
     ("", ""),
-    ("Inside", "Vehicles on their way"),
+    (
+        "Inside",
+        "Vehicles on their way, also those that have collided; parked ones and those at their ends do not count",
+    ),
     ("Passed", "Vehicles that have arrived, or left the control zone behind its last conflict"),
     ("Flow (/h)", FLOW),
     ("Delay (s)", DELAY),

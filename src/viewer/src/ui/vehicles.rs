@@ -70,6 +70,9 @@ pub struct TableState {
     /// Scroll once to the selected vehicle.
     #[serde(skip)]
     pub reveal: bool,
+    /// Rows that had room in the last frame.
+    #[serde(skip)]
+    pub whole_rows: usize,
     #[serde(skip)]
     pub(crate) held: HeldRowOrder,
 }
@@ -285,6 +288,8 @@ fn grid(
     let line = ROW_HEIGHT + gap;
     // Whole rows: half a one at the edge looks as if the timeline covered it.
     let whole_rows = ((ui.available_height() - line) / line).floor().max(1.0);
+    // A row in sight stays there when the panel becomes lower.
+    table.reveal |= std::mem::replace(&mut table.whole_rows, whole_rows as usize) > whole_rows as usize;
     let mut builder = TableBuilder::new(ui)
         // By itself it is as high as 200 points, beyond the edge of a low panel.
         .min_scrolled_height(0.0)

@@ -70,7 +70,7 @@ fn of_vehicle(
 
 /// What the card of the scenario says of it.
 fn description(ui: &mut Ui, state: &mut UiState, edit: &EditView<'_>, actions: &mut Vec<UiAction>) {
-    ui.horizontal_top(|ui| {
+    ui.vertical(|ui| {
         let label = ui.label("Description").on_hover_text("One line, on the card of the scenario").id;
         let width = ui.available_width() - 4.0;
         let typed = long_text(ui, (label, width), edit.description, &mut state.editing.description);
