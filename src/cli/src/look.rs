@@ -89,7 +89,10 @@ pub(super) fn open(
         let daylight = Daylight { hours: time.hours as f32 };
         Ok((context, BakedTextures::new(Settings { quality, daylight, weather, ..Settings::default() })))
     };
-    let scene = || SceneDescription::with_models(&experiment.city_map, &experiment.models.placed);
+    let models = &experiment.models.placed;
+    // On a software adapter `auto` comes to `low` too, but that is not known yet.
+    let has_close_ups = !matches!(args.quality.unwrap_or(usual), QualityArg::Low);
+    let scene = || SceneDescription::with_close_ups(&experiment.city_map, models, has_close_ups);
     let (prepared, scene) = rayon::join(prepared, scene);
     let (context, baked) = prepared?;
     let mut renderer = Renderer::with_textures(&context, &scene, baked)?;

@@ -212,7 +212,7 @@ mod tests {
             Mesh { vertices: vertices.to_vec(), indices: vec![0, 1, 2, 0, 2, 3] }
         };
         let levels = [0.0, 0.1].map(|error_m| LodMesh { mesh: face(0.0), error_m });
-        let ground = [SceneObject { levels: levels.to_vec() }, SceneObject::of_one_level(face(0.01))];
+        let ground = [SceneObject::of_levels(levels.to_vec()), SceneObject::of_one_level(face(0.01))];
         let cells = split_ground(&ground, &|_| true);
         assert_eq!(cells.len(), 3);
         for levels in &cells {

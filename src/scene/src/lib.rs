@@ -83,6 +83,19 @@ pub struct SceneDescription {
 pub struct SceneObject {
     /// The finest first.
     pub levels: Vec<LodMesh>,
+    /// A finer level for cameras close by, until it is put before the others or left out.
+    close_up: Option<CloseUp>,
+}
+
+/// A level of detail for cameras close by, of which nothing but the picture depends: what stands where is the same with and
+/// without it.
+#[derive(Clone, Debug, Default, PartialEq)]
+struct CloseUp {
+    mesh: Mesh,
+    /// Least error of the level after it, metres.
+    usual_error_m: f32,
+    /// Whether errors are raised to the difference of silhouettes.
+    is_measured: bool,
 }
 
 /// A model of the map, and where it stands.
@@ -139,7 +152,12 @@ const COARSER_M: [f32; 3] = [0.16, 0.4, 1.0];
 impl SceneObject {
     /// An object that is drawn with the same mesh at every distance.
     pub fn of_one_level(mesh: Mesh) -> Self {
-        Self { levels: vec![LodMesh { mesh, error_m: 0.0 }] }
+        Self::of_levels(vec![LodMesh { mesh, error_m: 0.0 }])
+    }
+
+    /// An object with these levels of detail, the finest first.
+    pub fn of_levels(levels: Vec<LodMesh>) -> Self {
+        Self { levels, close_up: None }
     }
 
     /// Adds a level of detail with this error, or a larger one if its silhouette differs by more. A level
@@ -155,14 +173,19 @@ impl SceneObject {
         }
     }
 
-    /// Puts the finest level of another object before its own, which become those for farther away.
-    fn with_near_level(mut self, near: Self) -> Self {
-        let near = near.levels.into_iter().next().filter(|level| !level.mesh.is_empty());
-        if let (Some(near), Some(usual)) = (near, self.levels.first_mut()) {
-            usual.error_m = NEAR_ERROR_M;
-            self.levels.insert(0, near);
+    /// The object with a level for cameras close by.
+    fn with_close_up(self, close_up: CloseUp) -> Self {
+        Self { close_up: Some(close_up).filter(|close_up| !close_up.mesh.is_empty()), ..self }
+    }
+
+    /// Puts the level for cameras close by before the others, which become those for farther away.
+    fn show_close_up(&mut self) {
+        let (Some(close_up), Some(usual)) = (self.close_up.take(), self.levels.first_mut()) else { return };
+        usual.error_m = close_up.usual_error_m;
+        self.levels.insert(0, LodMesh { mesh: close_up.mesh, error_m: 0.0 });
+        if close_up.is_measured {
+            self.measure_outlines();
         }
-        self
     }
 
     /// Raises the errors to the distance of the coarser levels' vertices from the finest level; for small
@@ -210,14 +233,17 @@ impl SceneObject {
             finish: look(v.finish),
             ..*v
         };
-        let level = |level: &LodMesh| LodMesh {
-            mesh: Mesh {
-                vertices: level.mesh.vertices.iter().map(vertex).collect(),
-                indices: level.mesh.indices.clone(),
-            },
-            error_m: level.error_m * scale,
+        let moved = |mesh: &Mesh| Mesh {
+            vertices: mesh.vertices.iter().map(vertex).collect(),
+            indices: mesh.indices.clone(),
         };
-        Self { levels: self.levels.iter().map(level).collect() }
+        let level = |level: &LodMesh| LodMesh { mesh: moved(&level.mesh), error_m: level.error_m * scale };
+        let close_up = self.close_up.as_ref().map(|close_up| CloseUp {
+            mesh: moved(&close_up.mesh),
+            usual_error_m: close_up.usual_error_m * scale,
+            ..*close_up
+        });
+        Self { levels: self.levels.iter().map(level).collect(), close_up }
     }
 
     /// Raises the errors of the coarser levels to the difference of their silhouettes.
@@ -226,7 +252,9 @@ impl SceneObject {
         if let [finest, coarser @ ..] = &mut self.levels[..] {
             let reach = finest.mesh.reach();
             for level in coarser {
-                level.error_m = level.error_m.max(level.mesh.outline_from(&reach)).max(least_m);
+                // What is no longer drawn has no outline.
+                let apart_m = if level.mesh.is_empty() { 0.0 } else { level.mesh.outline_from(&reach) };
+                level.error_m = level.error_m.max(apart_m).max(least_m);
                 least_m = level.error_m + 1e-3;
             }
         }
@@ -255,9 +283,19 @@ impl SceneDescription {
 
     /// The scene of a map with the model files that it places, by name; missing ones are left out.
     pub fn with_models(map: &CityMap, models: &BTreeMap<String, Arc<Model>>) -> Self {
+        Self::with_close_ups(map, models, true)
+    }
+
+    /// The same, with or without the levels of trees, people and parked cars for cameras close by, which take a third of the time.
+    pub fn with_close_ups(map: &CityMap, models: &BTreeMap<String, Arc<Model>>, has_close_ups: bool) -> Self {
         let (field, (nursery, furniture)) = rayon::join(
             || roads::RoadField::new(map),
-            || rayon::join(trees::TreePrototypes::new, || furniture::Furniture::new(models)),
+            || {
+                rayon::join(
+                    || trees::TreePrototypes::new(has_close_ups),
+                    || furniture::Furniture::new(models),
+                )
+            },
         );
         let lanes = lanes::LaneBoxIndex::new(map);
         let around = Surroundings { map, field: &field };
@@ -347,7 +385,7 @@ impl SceneDescription {
         let crossings = crossings::crossings(map, &field);
         let mut places = places::Places::new((map, &field), &ways, &objects, taken);
         objects.extend(kerb_furniture::furniture(outlines.kerbs(), &crossings, &mut places));
-        let people = people::people(map, outlines.kerbs(), &crossings, &mut places);
+        let people = people::people((map, has_close_ups), outlines.kerbs(), &crossings, &mut places);
         objects.extend(parked::cars(map, &drives));
         objects.retain(|object: &SceneObject| !object.is_empty());
         let mut gullies = Mesh::default();
@@ -380,7 +418,7 @@ impl SceneDescription {
             },
         );
         objects.extend(clocks.into_iter().chain(people));
-        let mut ground = vec![SceneObject { levels: roads }, SceneObject { levels: paint }];
+        let mut ground = vec![SceneObject::of_levels(roads), SceneObject::of_levels(paint)];
         let mut worn = wear::wear(map, &lanes);
         worn.append(&gullies);
         let mut wear = SceneObject::of_one_level(worn);
@@ -396,6 +434,9 @@ impl SceneDescription {
         let bounds = [low.extend(0.0), high.extend(top)];
         ground.extend([fields, land.yards()].map(SceneObject::of_one_level));
         objects.extend(greenery);
+        if has_close_ups {
+            objects.par_iter_mut().for_each(SceneObject::show_close_up);
+        }
         Self { ground, objects, instanced, walls, bounds, lamps, signals }
     }
 

@@ -136,7 +136,7 @@ pub(super) fn object(model: &Model, class: Class, far_errors_m: [f32; 2]) -> Sce
         SceneObject::of_one_level(usual)
     } else {
         let usual = LodMesh { mesh: usual, error_m: NEAR_ERROR_M };
-        SceneObject { levels: vec![LodMesh { mesh: near, error_m: 0.0 }, usual] }
+        SceneObject::of_levels(vec![LodMesh { mesh: near, error_m: 0.0 }, usual])
     };
     for (prefix, error_m) in FAR.into_iter().zip(far_errors_m) {
         object.add_level(mesh_of(model, class, Some(prefix)), error_m);

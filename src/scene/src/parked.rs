@@ -1,8 +1,8 @@
 //! Parked cars in the bays of car parks.
 
-use super::SceneObject;
 use super::car_parks::{CAR_PARK_M, ParkingBay, bays_of};
 use super::mesh::{Class, Finish, Mesh, Surface, Vertex};
+use super::{CloseUp, NEAR_ERROR_M, SceneObject};
 use city3d_models::{Measures, MeshPrimitive, fitted, glb, is_for_clear_glass, shipped};
 use city3d_roadmap::{CityMap, Footprint, SceneryKind};
 use glam::{Affine3A, Mat3, Vec3};
@@ -65,28 +65,17 @@ const SEDAN_M: f32 = 1.45;
 /// Errors of the coarser bodies: their corners are no farther off the finest one.
 const COARSER_M: [f32; 3] = [0.16, 0.25, 0.4];
 
-/// A white car, origin at the middle of its outline on the ground.
-struct ParkedBody {
-    /// The usual level of detail and the coarser ones.
-    usual: SceneObject,
-    /// Finer level for what is near, as moving cars have it, with opaque glass.
-    near: Mesh,
+/// A car of this colour at a place.
+fn painted(body: &SceneObject, place: Affine3A, colour: [u8; 3]) -> SceneObject {
+    body.placed(place, |finish| match finish.surface {
+        Surface::CarPaint => Finish { colour, ..finish },
+        _ => finish,
+    })
 }
 
-impl ParkedBody {
-    /// A car of this colour at a place. The near level is chosen as that of moving cars, so that its details count for no
-    /// error of the usual one.
-    fn placed(&self, place: Affine3A, colour: [u8; 3]) -> SceneObject {
-        let painted = |finish: Finish| match finish.surface {
-            Surface::CarPaint => Finish { colour, ..finish },
-            _ => finish,
-        };
-        let near = SceneObject::of_one_level(self.near.clone()).moved(place, painted);
-        self.usual.placed(place, painted).with_near_level(near)
-    }
-}
-
-fn car_body((file, height): (&str, f32)) -> ParkedBody {
+/// A white car at all levels of detail, origin at the middle of its outline on the ground. That for cameras close by is the one of
+/// moving cars, with opaque glass.
+fn car_body((file, height): (&str, f32)) -> SceneObject {
     let height = SIZE.height * height / SEDAN_M * if height > 2.0 { 0.95 } else { 1.0 };
     let model = shipped(file).and_then(|bytes| glb::read(bytes).ok()).unwrap_or_default();
     let model = fitted(&model, &Measures { height, ..SIZE });
@@ -112,7 +101,9 @@ fn car_body((file, height): (&str, f32)) -> ParkedBody {
     object.add_coarser_levels();
     let near_wheel = model.near_wheel.as_ref().unwrap_or(&model.wheel);
     let near = model.near_body.as_ref().map(|body| assembled(body, near_wheel)).unwrap_or_default();
-    ParkedBody { usual: object, near }
+    // Details of that level count for no error of the usual one, as with moving cars.
+    let close_up = CloseUp { mesh: near, usual_error_m: NEAR_ERROR_M, is_measured: false };
+    object.with_close_up(close_up)
 }
 
 /// Parks cars in some bays of car parks with these driveways.
@@ -141,7 +132,7 @@ pub(super) fn cars(map: &CityMap, drives: &[&Footprint]) -> Vec<SceneObject> {
                 + into.perp() * (0.24 * (hash_to_unit(6) - 0.5));
             let turn = Mat3::from_cols(ahead.extend(0.0), ahead.perp().extend(0.0), Vec3::Z);
             let place = Affine3A::from_mat3_translation(turn, middle.extend(CAR_PARK_M));
-            parked.push(body.placed(place, colour));
+            parked.push(painted(body, place, colour));
         }
     }
     parked
@@ -149,13 +140,13 @@ pub(super) fn cars(map: &CityMap, drives: &[&Footprint]) -> Vec<SceneObject> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::NEAR_ERROR_M;
     use super::super::tests::city;
     use super::*;
 
     #[test]
     fn a_parked_car_has_the_near_level_of_moving_ones_where_it_is_near() {
-        let parked = cars(&city(), &[]);
+        let mut parked = cars(&city(), &[]);
+        parked.iter_mut().for_each(SceneObject::show_close_up);
         assert!(parked.len() > 5);
         for car in &parked {
             let counts: Vec<usize> = car.levels.iter().map(|level| level.mesh.triangle_count()).collect();

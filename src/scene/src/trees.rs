@@ -6,7 +6,7 @@ mod spruce;
 use super::foliage::{Clump, Crown, CrownDetail, limb};
 use super::mesh::{Class, Finish, Mesh, Surface, Vertex};
 use super::places::Disc;
-use super::{SceneObject, SeededScenery};
+use super::{CloseUp, SceneObject, SeededScenery};
 use city3d_roadmap::{Footprint, Scenery};
 use glam::{Affine3A, Mat3, Quat, Vec2, Vec3};
 use std::f32::consts::TAU;
@@ -68,9 +68,10 @@ enum TreeDetail {
 
 /// What hulls are fitted to.
 const USUAL: CrownDetail = CrownDetail { clumps: [6, 4], sprays: 22 };
+/// Least error of the usual level beside the one for cameras close by, crown radii.
+const USUAL_ERROR: f32 = 0.018;
 /// Coarser levels with their errors in crown radii. Hulls differ from crowns by more than their silhouettes.
-const COARSER: [(TreeDetail, f32); 7] = [
-    (TreeDetail::Clumps(USUAL, 5), 0.018),
+const COARSER: [(TreeDetail, f32); 6] = [
     (TreeDetail::Clumps(CrownDetail { clumps: [5, 3], sprays: 20 }, 5), 0.06),
     (TreeDetail::Clumps(CrownDetail { clumps: [4, 2], sprays: 6 }, 3), 0.10),
     (TreeDetail::Hull([8, 5], 3), 0.17),
@@ -102,18 +103,24 @@ pub(super) struct TreePrototypes {
 }
 
 impl TreePrototypes {
-    pub(super) fn new() -> Self {
+    /// All of them, with levels for cameras close by or without.
+    pub(super) fn new(has_close_ups: bool) -> Self {
         let shape = |kind: TreeKind, variant: u32| {
             let grown = |detail| {
                 let mut mesh = Mesh::default();
                 grow(&mut mesh, kind, variant, detail);
                 mesh
             };
-            let mut object = SceneObject::of_one_level(grown(TreeDetail::Near));
+            let mut object = SceneObject::of_one_level(grown(TreeDetail::Clumps(USUAL, 5)));
             for (detail, error_m) in COARSER {
                 object.add_level(grown(detail), error_m);
             }
-            object
+            // Spruces have none.
+            if !has_close_ups || kind == TreeKind::Spruce {
+                return object;
+            }
+            let mesh = grown(TreeDetail::Near);
+            object.with_close_up(CloseUp { mesh, usual_error_m: USUAL_ERROR, is_measured: true })
         };
         let of_kind = |kind| (0..VARIANTS).map(move |variant| shape(kind, variant));
         Self { shapes: KINDS.into_iter().flat_map(of_kind).collect() }
@@ -209,7 +216,9 @@ impl Growth {
         let low = low.fold(f32::INFINITY, f32::min) - FOOT_M;
         let stem = self.clear_m.max(low) / low.max(1e-3);
         let lifted = |up: f32| if up < low { up * stem } else { low * stem + (up - low) * self.tall };
-        for vertex in tree.levels.iter_mut().flat_map(|level| &mut level.mesh.vertices) {
+        let close_up = tree.close_up.iter_mut().map(|close_up| &mut close_up.mesh);
+        let meshes = tree.levels.iter_mut().map(|level| &mut level.mesh).chain(close_up);
+        for vertex in meshes.flat_map(|mesh| &mut mesh.vertices) {
             let up = lifted(vertex.position.z - FOOT_M);
             vertex.position.z = FOOT_M + up;
             vertex.position += (self.lean * up).extend(0.0);

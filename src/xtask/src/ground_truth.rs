@@ -4,6 +4,7 @@
 #![allow(clippy::disallowed_methods, reason = "only draws; no state of a run depends on it")]
 
 use city3d_geometry::{LengthScale, point_in_polygon};
+use city3d_models::Model;
 use city3d_protocol::snapshot::FrameSnapshot;
 use city3d_render::{AdapterPreference, Context, Pictures, Quality, RenderRequest, Renderer, Settings};
 use city3d_roadmap::{CityMap, Footprint, Grid, GridSize, SceneryKind, load_map};
@@ -15,6 +16,7 @@ use clap::Args;
 use glam::{DVec2, DVec3, Vec3};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
+use std::collections::BTreeMap;
 use std::error::Error;
 use std::fmt;
 use std::sync::Arc;
@@ -75,6 +77,8 @@ pub fn ground_truth(args: &GroundTruthArgs) -> Result<(), Box<dyn Error + Send +
 pub struct City {
     map: CityMap,
     scene: SceneDescription,
+    /// The same without levels for cameras close by, as `low` draws it.
+    plain: SceneDescription,
     snapshot: FrameSnapshot,
 }
 
@@ -139,21 +143,26 @@ impl fmt::Display for Report {
     }
 }
 
+/// The scene of a map with and without levels for cameras close by.
+fn scenes(map: &CityMap, models: &BTreeMap<String, Arc<Model>>) -> [SceneDescription; 2] {
+    [true, false].map(|has_close_ups| SceneDescription::with_close_ups(map, models, has_close_ups))
+}
+
 impl City {
     /// Reads a scenario, a map, or makes a grid of a size.
     pub fn read(name: &str) -> Result<Self, Box<dyn Error + Send + Sync>> {
         if let Ok(size) = name.parse::<GridSize>() {
             let grid = Grid { size, block_m: 3.0, entry_m: 3.0, ..Grid::default() };
             let map = load_map(grid.to_dxf()?.as_bytes())?.map.to_city(LengthScale::TESTBED);
-            let scene = SceneDescription::from_map(&map);
-            return Ok(Self { map, scene, snapshot: FrameSnapshot::default() });
+            let [scene, plain] = scenes(&map, &BTreeMap::new());
+            return Ok(Self { map, scene, plain, snapshot: FrameSnapshot::default() });
         }
         let request = ScenarioRequest { scenario: name.to_owned(), ..ScenarioRequest::default() };
         let experiment = if is_map(&request) { map_alone(&request)? } else { request.read()? };
-        let scene = SceneDescription::with_models(&experiment.city_map, &experiment.models.placed);
+        let [scene, plain] = scenes(&experiment.city_map, &experiment.models.placed);
         let map = (*experiment.city_map).clone();
         let snapshot = Run::new(Arc::new(experiment))?.snapshot().clone();
-        Ok(Self { map, scene, snapshot })
+        Ok(Self { map, scene, plain, snapshot })
     }
 
     /// Draws random views, and some along kerbs, in every preset.
@@ -173,7 +182,8 @@ impl City {
         let renderer = |quality: Quality| {
             // Shadows are in none of the pictures.
             let quality = Quality { shadow_texels: 512, ..quality };
-            Renderer::new(context, &self.scene, Settings { quality, ..Settings::default() })
+            let scene = if quality.vertex_lit { &self.plain } else { &self.scene };
+            Renderer::new(context, scene, Settings { quality, ..Settings::default() })
         };
         let mut reference = renderer(finest_quality)?;
         let mut drawn = others

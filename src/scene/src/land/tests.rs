@@ -22,7 +22,7 @@ fn land_of(map: &CityMap) -> Land {
 fn objects_of(map: &CityMap, land: &Land) -> Vec<SceneObject> {
     let field = RoadField::new(map);
     let around = Surroundings { map, field: &field };
-    land.objects(&TreePrototypes::new(), &LaneBoxIndex::new(map), &around)
+    land.objects(&TreePrototypes::new(false), &LaneBoxIndex::new(map), &around)
 }
 
 #[test]
@@ -211,7 +211,7 @@ fn houses_have_gardens_that_touch_nothing_else() {
         let owners = land.gardens.iter().filter(|garden| garden.contains(middle)).count();
         assert_eq!(owners, 1, "gardens at {middle}");
     }
-    let fences: Vec<SceneObject> = land.gardens(&TreePrototypes::new());
+    let fences: Vec<SceneObject> = land.gardens(&TreePrototypes::new(false));
     let has = |class| {
         fences.iter().any(|object| object.levels[0].mesh.vertices.iter().any(|v| v.finish.class == class))
     };
@@ -244,7 +244,7 @@ fn the_land_keeps_to_its_budget_of_triangles() {
         let land = land_of(&map);
         let ground = land.ground().triangle_count();
         assert!(ground < 16_000, "{ground} of the ground");
-        let objects = [land.gardens(&TreePrototypes::new()), objects_of(&map, &land)].concat();
+        let objects = [land.gardens(&TreePrototypes::new(false)), objects_of(&map, &land)].concat();
         let count = |level: fn(&SceneObject) -> usize| objects.iter().map(level).sum::<usize>();
         let finest = count(|object| object.levels[0].mesh.triangle_count());
         let coarsest = count(|object| object.levels[object.levels.len() - 1].mesh.triangle_count());

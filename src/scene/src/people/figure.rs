@@ -3,12 +3,14 @@
 use super::super::bicycles;
 use super::super::foliage::limb;
 use super::super::mesh::{Class, Finish, Mesh, Surface};
-use super::super::{SceneObject, hash_to_unit};
+use super::super::{CloseUp, SceneObject, hash_to_unit};
 use super::body;
 use glam::{Quat, Vec3};
 
 /// Sides and errors of the levels with limbs, and the error of the one without arms.
-const COARSER: [(u32, f32); 3] = [(FACE_SIDES, 0.015), (4, 0.03), (3, 0.06)];
+const COARSER: [(u32, f32); 2] = [(4, 0.03), (3, 0.06)];
+/// Least error of the usual level beside the one for cameras close by.
+const USUAL_ERROR_M: f32 = 0.015;
 const PLAIN_ERROR_M: f32 = 0.33;
 /// From the middle of the hips to a leg.
 pub(super) const HIP_M: f32 = 0.095;
@@ -466,23 +468,26 @@ fn plain_figure(mesh: &mut Mesh, pose: Pose) {
     limb(mesh, &[(spine(0.60), 0.07), (spine(0.89), 0.12)], 3, SKIN);
 }
 
-/// A model at all levels of detail, its parts in the colours of parts.
-pub(super) fn object(model: Model) -> SceneObject {
+/// A model at all levels of detail, its parts in the colours of parts, with a level for cameras close by or without.
+pub(super) fn object(model: Model, has_close_up: bool) -> SceneObject {
     let drawn = |sides: u32| {
         let mut mesh = Mesh::default();
         figure(&mut mesh, model, sides);
         mesh
     };
-    let mut near = Mesh::default();
-    body::body(&mut near, model);
-    let mut object = SceneObject::of_one_level(near);
+    let mut object = SceneObject::of_one_level(drawn(FACE_SIDES));
     for (sides, error_m) in COARSER {
         object.add_level(drawn(sides), error_m);
     }
     let mut plain = Mesh::default();
     plain_figure(&mut plain, model.pose);
     object.add_level(plain, PLAIN_ERROR_M);
-    object
+    if !has_close_up {
+        return object;
+    }
+    let mut mesh = Mesh::default();
+    body::body(&mut mesh, model);
+    object.with_close_up(CloseUp { mesh, usual_error_m: USUAL_ERROR_M, is_measured: true })
 }
 
 #[cfg(test)]
@@ -520,7 +525,8 @@ mod tests {
     fn figures_are_as_tall_as_people_and_coarser_from_afar() {
         for pose in POSES {
             for has_long_hair in [false, true] {
-                let object = object(Model { pose, has_long_hair, is_light: false });
+                let mut object = object(Model { pose, has_long_hair, is_light: false }, true);
+                object.show_close_up();
                 let [low, high] = object.levels[0].mesh.bounds();
                 let tall_m = if pose.is_seated() { 1.4 } else { 1.75 };
                 assert!((high.z - low.z - tall_m).abs() < 0.12, "{pose:?}: {} m", high.z - low.z);

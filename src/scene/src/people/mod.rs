@@ -88,13 +88,14 @@ struct Crowd {
 }
 
 impl Crowd {
-    fn new() -> Self {
+    fn new(has_close_ups: bool) -> Self {
         let both = [false, true];
         let of = |pose| {
             let with = move |has_long_hair| both.map(|is_light| Model { pose, has_long_hair, is_light });
             both.into_iter().flat_map(with)
         };
-        let models = POSES.into_iter().flat_map(of).map(|model| (model, figure::object(model)));
+        let models =
+            POSES.into_iter().flat_map(of).map(|model| (model, figure::object(model, has_close_ups)));
         Self {
             models: models.collect(),
             bicycle: bicycles::bicycle(),
@@ -170,12 +171,12 @@ fn company(of: Company, seed: u32, at: DVec2, along: DVec2) -> (Vec<Person>, Vec
 
 /// People along the kerbs, whose rings have the road to their left, at crossings, and on benches.
 pub(super) fn people(
-    map: &CityMap,
+    (map, has_close_ups): (&CityMap, bool),
     kerbs: &[Vec<DVec2>],
     crossings: &[Crossing],
     places: &mut Places<'_>,
 ) -> Vec<SceneObject> {
-    let mut crowd = Crowd::new();
+    let mut crowd = Crowd::new(has_close_ups);
     sit(map, places, &mut crowd);
     wait(crossings, places, &mut crowd);
     for (ring, seed) in kerbs.iter().zip(0..).filter(|(ring, _)| !is_island(ring)) {

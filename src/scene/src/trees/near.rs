@@ -203,7 +203,7 @@ pub(super) fn wood(mesh: &mut Mesh, tree: &Tree, clumps: &[Clump]) {
 
 #[cfg(test)]
 mod tests {
-    use super::super::{COARSER, TreePrototypes};
+    use super::super::{SceneObject, TreePrototypes, USUAL_ERROR};
     use super::*;
 
     /// Otherwise the near level would be drawn from far away, where a software adapter has no time for it.
@@ -211,9 +211,11 @@ mod tests {
     fn crowns_near_by_are_as_large_as_from_afar() {
         let leafy = |mesh: &Mesh| mesh.vertices.iter().any(|v| v.finish.surface == Surface::Leaves);
         let mut looked = 0;
-        for object in TreePrototypes::new().shapes.iter().filter(|object| leafy(&object.levels[0].mesh)) {
+        let mut shapes = TreePrototypes::new(true).shapes;
+        shapes.iter_mut().for_each(SceneObject::show_close_up);
+        for object in shapes.iter().filter(|object| leafy(&object.levels[0].mesh)) {
             let [near, usual] = [&object.levels[0], &object.levels[1]];
-            assert!(usual.error_m < 2.0 * COARSER[0].1, "outlines differ by {} radii", usual.error_m);
+            assert!(usual.error_m < 2.0 * USUAL_ERROR, "outlines differ by {} radii", usual.error_m);
             assert!(near.mesh.triangle_count() < 3200, "{} triangles", near.mesh.triangle_count());
             assert!(near.mesh.triangle_count() > usual.mesh.triangle_count());
             looked += 1;

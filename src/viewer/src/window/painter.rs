@@ -326,7 +326,11 @@ pub fn renderer(context: &Context, experiment: &Experiment, look: Look) -> Resul
     // Side by side: each takes as long as the other.
     let (baked, scene) = rayon::join(
         || BakedTextures::new(settings),
-        || SceneDescription::with_models(&experiment.city_map, &experiment.models.placed),
+        || {
+            let models = &experiment.models.placed;
+            let has_close_ups = look.preset != QualityPreset::Low;
+            SceneDescription::with_close_ups(&experiment.city_map, models, has_close_ups)
+        },
     );
     let mut renderer = Renderer::with_textures(context, &scene, baked)?;
     renderer.set_vehicle_models(&experiment.models.vehicles);
