@@ -434,7 +434,7 @@ fn the_log_has_the_moment_of_an_impact_whatever_its_rate() {
         .filter(|message| message.channel.topic.contains("snapshot"))
         .map(|message| message.log_time)
         .collect();
-    let is_due = |time: &u64| time % 500_000_000 == 0;
+    let is_due = |time: &u64| time.is_multiple_of(500_000_000);
     assert!(!is_due(&at_ns), "a collision between two states: {at_ns}");
     assert!(times.iter().any(|time| time.abs_diff(at_ns) < 1_000_000), "{times:?} {at_ns}");
     assert!(times.iter().filter(|time| !is_due(time)).count() == 1 && times.is_sorted(), "{times:?}");

@@ -240,7 +240,8 @@ impl SceneObject {
         let level = |level: &LodMesh| LodMesh { mesh: moved(&level.mesh), error_m: level.error_m * scale };
         let close_up = self.close_up.as_ref().map(|close_up| CloseUp {
             mesh: moved(&close_up.mesh),
-            usual_error_m: close_up.usual_error_m * scale,
+            // That of cars is the same for all.
+            usual_error_m: close_up.usual_error_m * if close_up.is_measured { scale } else { 1.0 },
             ..*close_up
         });
         Self { levels: self.levels.iter().map(level).collect(), close_up }

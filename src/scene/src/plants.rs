@@ -124,9 +124,16 @@ fn hedge_piece(mesh: &mut Mesh, [a, b]: [Vec2; 2], height: f32, seed: u32, is_ne
                 })
             })
             .collect();
-        for k in 1..rim.len() - 1 {
-            let (p, q) = if facing == ahead { (rim[k + 1], rim[k]) } else { (rim[k], rim[k + 1]) };
-            mesh.indices.extend([rim[0], p, q]);
+        // From the middle of the foot: slivers along one side could be turned inside out.
+        let [first, last] = [rim[0], rim[rim.len() - 1]].map(|k| mesh.vertices[k as usize]);
+        let middle = mesh.vertex(Vertex {
+            position: first.position.midpoint(last.position),
+            uv: first.uv.midpoint(last.uv),
+            ..first
+        });
+        for pair in rim.windows(2) {
+            let (p, q) = if facing == ahead { (pair[1], pair[0]) } else { (pair[0], pair[1]) };
+            mesh.indices.extend([middle, p, q]);
         }
     }
 }

@@ -21,7 +21,8 @@ fn people_of(scene: &SceneDescription) -> Vec<(usize, &SceneObject, DVec2)> {
 }
 
 fn is_seated(object: &SceneObject) -> bool {
-    let [low, _] = object.levels[0].mesh.bounds();
+    // Near by their shoes reach the ground.
+    let [low, _] = object.levels[1].mesh.bounds();
     low.z > KERB_M + 0.05
 }
 

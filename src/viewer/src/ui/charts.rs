@@ -313,6 +313,9 @@ fn vehicles(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>) {
     });
 }
 
+/// Least height of a plot with its axis, points.
+const LEAST_PLOT: f32 = 120.0;
+
 /// Draws a figure of the logbook.
 fn draw(
     ui: &mut Ui,
@@ -327,7 +330,8 @@ fn draw(
     }
     let note_height = 30.0;
     let count = figure.panels.len().max(1) as f32;
-    let height = ((ui.available_height() - note_height) / count - 18.0).max(80.0);
+    // In a small panel it is scrolled.
+    let height = ((ui.available_height() - note_height) / count - 18.0).max(LEAST_PLOT);
     let is_over_time = state.charts.kind.is_over_time();
     egui::ScrollArea::vertical().auto_shrink(false).show(ui, |ui| {
         for (index, panel) in figure.panels.iter().enumerate() {

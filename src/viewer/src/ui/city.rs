@@ -16,8 +16,9 @@ use city3d_roadmap::CityMap;
 use city3d_sensors::{BoundingBox, PictureKind, Weather};
 use city3d_session::{OFF_ROAD_M, RunPhase, is_beside_road};
 use egui::emath::GuiRounding as _;
-use egui::{Align2, Color32, FontId, PointerButton, Pos2, Rect, Response, RichText, Sense, Ui};
+use egui::{Align2, Color32, FontId, Order, PointerButton, Pos2, Rect, Response, RichText, Sense, Ui};
 use glam::DVec3;
+use std::cmp::Ordering;
 
 /// Picking radius, points.
 const NEAR_POINTS: f32 = 16.0;
@@ -398,11 +399,11 @@ fn followed(ui: &Ui, rect: Rect, state: &UiState, shown: &ViewModel<'_>) {
     painter.galley(place.min + egui::vec2(swatch + 6.0, 0.0), text, Color32::WHITE);
 }
 
-/// Where panels float over the city.
+/// Where panels and dialogs float over the city.
 fn floating_windows(context: &egui::Context) -> Vec<Rect> {
     context.memory(|memory| {
         let layers = memory.areas().visible_layer_ids().into_iter();
-        let windows = layers.filter(|layer| layer.order == egui::Order::Middle);
+        let windows = layers.filter(|layer| matches!(layer.order, Order::Middle | Order::Foreground));
         windows.filter_map(|layer| memory.area_rect(layer.id)).collect()
     })
 }
@@ -415,7 +416,7 @@ fn notice(ui: &Ui, (rect, bottom): (Rect, f32), state: &mut UiState, shown: &Vie
     state.notice = state.notice.take().filter(|(_, until_s)| now_s < *until_s);
     let Some((text, until_s)) = &state.notice else { return };
     // Over all windows: what it tells may be about one of them.
-    let layer = egui::LayerId::new(egui::Order::Tooltip, egui::Id::unique("notice"));
+    let layer = egui::LayerId::new(Order::Tooltip, egui::Id::unique("notice"));
     let painter = ui.ctx().layer_painter(layer).with_clip_rect(rect);
     let beside = if state.layers.map { map::beside(rect) } else { rect };
     // Below the name of the followed vehicle.
@@ -440,9 +441,10 @@ fn notice(ui: &Ui, (rect, bottom): (Rect, f32), state: &mut UiState, shown: &Vie
         [&told, &windows].map(|all| all.iter().any(|hidden| hidden.intersects(place.expand(8.0))))
     };
     let [at_bottom, at_top] = placed;
-    let (place, galley) = match state.runs.is_modal() || hides(&at_top.0) < hides(&at_bottom.0) {
-        true => at_top,
-        false => at_bottom,
+    let (place, galley) = match hides(&at_top.0).cmp(&hides(&at_bottom.0)) {
+        Ordering::Less => at_top,
+        Ordering::Equal if state.runs.is_modal() => at_top,
+        Ordering::Equal | Ordering::Greater => at_bottom,
     };
     painter.rect_filled(place.expand(8.0), 5.0, theme::ON_PICTURE);
     painter.galley(place.min, galley, Color32::WHITE);
