@@ -452,7 +452,7 @@ fn awnings_hang_above_heads_and_nothing_goes_through_them() {
 #[test]
 fn coarser_levels_keep_to_their_error() {
     /// Limbs of coarser people begin inside of the body.
-    const INSIDE_M: f32 = 0.025;
+    const INSIDE_M: f32 = 0.03;
     /// Rounding of coordinates at 100 m.
     const ROUNDED_M: f32 = 2e-5;
     let scene = SceneDescription::from_map(&city());

@@ -110,7 +110,7 @@ impl Occurrence {
             EventKind::Stop => "standstill".to_owned(),
             EventKind::Go { stood_s } => format!("go, stood for {stood_s:.1} s"),
             EventKind::Yield => "yield".to_owned(),
-            EventKind::Merge => "passed a merge".to_owned(),
+            EventKind::Merge => "merge".to_owned(),
             EventKind::Collision { with } => format!("collision with {with}"),
             EventKind::CollisionStatic { with } => format!("collision with {with}"),
             EventKind::LinkLost => "link lost".to_owned(),
