@@ -297,7 +297,7 @@ impl RunMeasures {
         of_run("mean speed", MetresPerSecond, 1, &|run| Some(run.mean_speed_mps));
         of_run("arrived", Count, 0, &|run| run.traffic.arrived.map(|count| count as f64));
         of_run("mean delay", Seconds, 1, &|run| run.traffic.mean_delay_s);
-        of_run("time in slow stops, all together", Seconds, 1, &|run| run.traffic.stood_s);
+        of_run("time standing, the start too", Seconds, 1, &|run| run.traffic.stood_s);
         of_run("fuel, none while braking", Millilitres, 1, &|run| run.traffic.fuel_ml);
         of_run("least time to collision", Seconds, 2, &|run| run.traffic.min_ttc_s);
         of_run("least post-encroachment time", Seconds, 2, &|run| run.traffic.min_pet_s);

@@ -9,7 +9,7 @@ use super::{
     decisions,
 };
 use city3d_logbook::record::LoggedPlans;
-use city3d_protocol::snapshot::{EventKind, FrameSnapshot};
+use city3d_protocol::snapshot::{EventKind, FrameSnapshot, Status};
 use city3d_protocol::wire::Body;
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -116,7 +116,11 @@ impl EventCollector {
             MomentKind::First => self.restart(),
             MomentKind::Tick | MomentKind::Applied => {}
         }
-        let mut marks: Vec<TimelineMark> = moment.snapshot.events.iter().map(TimelineMark::from).collect();
+        let has_collided =
+            |id| moment.snapshot.vehicle(id).is_some_and(|vehicle| vehicle.status == Status::Collided);
+        let events = moment.snapshot.events.iter();
+        let mut marks: Vec<TimelineMark> =
+            events.map(|event| TimelineMark::of_event(event, has_collided(event.vehicle))).collect();
         let traffic = self.traffic.get_or_insert_with(|| TrafficRecorder::new(moment.experiment));
         let merges = traffic.observe(moment.mainframe, moment.snapshot);
         marks.extend(merges.iter().map(TimelineMark::from));

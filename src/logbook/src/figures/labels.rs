@@ -20,8 +20,11 @@ impl RunLog {
 
 /// What a run is of: scenario, seed and environment, and whether physical vehicles take part.
 pub(super) fn conditions(experiment: &Experiment, has_physical: bool) -> String {
-    let physical = if has_physical { ", physical vehicles" } else { "" };
-    format!("{}, {}{physical}", experiment.name, experiment.conditions())
+    let physical = if has_physical { ", with lab vehicles" } else { "" };
+    let of_run = experiment.conditions();
+    // Those may have told it.
+    let physical = if of_run.ends_with("lab vehicles") { "" } else { physical };
+    format!("{}, {of_run}{physical}", experiment.name)
 }
 
 /// Labels of runs: that of a single one tells its scenario, seed and environment, those of several are what they differ in.

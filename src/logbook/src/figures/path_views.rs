@@ -150,6 +150,7 @@ impl FigureSet<'_> {
                     panel.names.extend(end.map(|at| LineName { at, name: name(), lines }));
                     figure.table.rows.extend(segment.rows(&self.labels[run], &path));
                 }
+                panel.rules.extend(self.end_rule(&panel));
                 figure.panels.push(panel);
             }
         }

@@ -93,7 +93,7 @@ pub enum PathError {
 
 /// Position range before and after the merging point, laboratory metres.
 const BEFORE_M: f64 = 5.0;
-const BEHIND_M: f64 = 2.5;
+pub(super) const BEHIND_M: f64 = 2.5;
 /// A line this far before the merging point belongs to it, laboratory metres.
 const LINE_WITHIN_M: f64 = 1.0;
 /// Most merging points that a message lists.

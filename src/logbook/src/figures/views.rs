@@ -3,7 +3,7 @@
 use super::FigureScale;
 use super::chart::{BLACK, Colour, Dash, Figure, LegendEntry, LineStyle, Panel, ReferenceLine};
 use super::labels::labels;
-use super::paths::{Stream, StreamLayout, StreamMember, listed};
+use super::paths::{BEHIND_M, Stream, StreamLayout, StreamMember, listed};
 use super::run::{RunLog, Trace};
 use super::series::moving_average;
 use super::style::{distinct_styles, plain_where_possible, styles_of_stream};
@@ -14,6 +14,8 @@ use std::collections::{BTreeMap, BTreeSet};
 
 /// Least range of the speed axis, laboratory m/s.
 pub(super) const LEAST_SPEED_MPS: f64 = 0.05;
+/// Who comes so near to the end of a path has come to it, laboratory metres.
+const NEAR_END_M: f64 = 0.05;
 /// Most vehicles with line styles of their own.
 pub(super) const MOST_STYLES: usize = 12;
 
@@ -175,6 +177,26 @@ impl<'a> FigureSet<'a> {
                 format!("{frame}, front bumper. 0 is the beginning of {}.", by.collect::<Vec<_>>().join(", "))
             }
         }
+    }
+
+    /// Where paths through a merging point end.
+    fn path_end(&self) -> Option<f64> {
+        let behind_m = self.runs[0].experiment.scale.city_from_lab(BEHIND_M);
+        self.layout.merge.as_ref().map(|_| self.metres(self.layout.merge_at_m + behind_m))
+    }
+
+    /// A line where a path ends, if vehicles come there: they drive on, but not in the figure.
+    pub(super) fn end_rule(&self, panel: &Panel) -> Option<ReferenceLine> {
+        let end = self.path_end()?;
+        let near = self.metres(self.runs[0].experiment.scale.city_from_lab(NEAR_END_M));
+        let is_reached = panel.lines.iter().any(|line| line.points.iter().any(|(_, at)| *at > end - near));
+        is_reached.then(|| ReferenceLine {
+            at: end,
+            is_level: true,
+            name: "end of the path: vehicles drive on".to_owned(),
+            dash: Dash::Dotted,
+            is_before: false,
+        })
     }
 
     pub(super) fn segments(&self, run: usize, stream: usize) -> impl Iterator<Item = PathSegment<'_>> {

@@ -34,6 +34,11 @@ pub enum Occurrence {
     LongStop,
     /// It has left the road, by its poses.
     LeftRoad,
+    /// It has left where it stood after a collision: it was pushed, or a person drives it.
+    Displaced {
+        /// How long it had stood.
+        stood_s: f64,
+    },
 }
 
 /// The class of an event, in rising order of severity: it sets the colour of the mark.
@@ -45,7 +50,7 @@ pub enum MarkKind {
     Stop,
     /// It began to give way.
     Yield,
-    /// It passed a yield line.
+    /// It passed the point where lanes merge.
     Merge,
     /// A person took control or handed it back.
     Person,
@@ -64,6 +69,7 @@ impl Occurrence {
     pub fn kind(&self) -> MarkKind {
         match self {
             Self::TakeOver | Self::GiveBack => MarkKind::Person,
+            Self::Displaced { .. } => MarkKind::Usual,
             Self::LongStop => MarkKind::LongStop,
             Self::LeftRoad => MarkKind::LeftRoad,
             Self::YieldTo(_) | Self::YieldAt(_) => MarkKind::Yield,
@@ -89,7 +95,11 @@ impl Occurrence {
         match self {
             Self::LongStop | Self::LeftRoad => true,
             Self::Event(event) => event.is_collision() || *event == EventKind::LinkLost,
-            Self::TakeOver | Self::GiveBack | Self::YieldTo(_) | Self::YieldAt(_) => false,
+            Self::TakeOver
+            | Self::GiveBack
+            | Self::YieldTo(_)
+            | Self::YieldAt(_)
+            | Self::Displaced { .. } => false,
         }
     }
 
@@ -100,6 +110,7 @@ impl Occurrence {
             Self::GiveBack => return "given back".to_owned(),
             Self::LongStop => return format!("stood for {LONG_STOP_S:.0} s"),
             Self::LeftRoad => return "left the road".to_owned(),
+            Self::Displaced { stood_s } => return format!("moved, stood for {stood_s:.1} s"),
             Self::YieldTo(other) => return format!("yield to {other}"),
             Self::YieldAt(reason) => return format!("yield{}", place_of(*reason)),
             Self::Event(event) => event,
@@ -110,7 +121,7 @@ impl Occurrence {
             EventKind::Stop => "standstill".to_owned(),
             EventKind::Go { stood_s } => format!("go, stood for {stood_s:.1} s"),
             EventKind::Yield => "yield".to_owned(),
-            EventKind::Merge => "merge".to_owned(),
+            EventKind::Merge => "passed a merge".to_owned(),
             EventKind::Collision { with } => format!("collision with {with}"),
             EventKind::CollisionStatic { with } => format!("collision with {with}"),
             EventKind::LinkLost => "link lost".to_owned(),
@@ -127,6 +138,19 @@ impl From<&Event> for TimelineMark {
     fn from(event: &Event) -> Self {
         let what = Occurrence::Event(event.kind.clone());
         Self { time_s: event.time_s, vehicle: event.vehicle, what }
+    }
+}
+
+impl TimelineMark {
+    /// The event of a vehicle that has collided, or of one that has not: a wreck does not set off.
+    pub(crate) fn of_event(event: &Event, has_collided: bool) -> Self {
+        match event.kind {
+            EventKind::Go { stood_s } if has_collided => {
+                let what = Occurrence::Displaced { stood_s };
+                Self { time_s: event.time_s, vehicle: event.vehicle, what }
+            }
+            _ => event.into(),
+        }
     }
 }
 
@@ -228,7 +252,8 @@ impl MarkCollector {
     pub(super) fn marks(&mut self, entry: &LogEntry) -> Vec<TimelineMark> {
         match entry {
             LogEntry::Event(event) => {
-                let mut marks = vec![event.into()];
+                let has_collided = self.collided.contains(&event.vehicle);
+                let mut marks = vec![TimelineMark::of_event(event, has_collided)];
                 marks.extend(self.long_stop(event));
                 marks
             }
@@ -326,13 +351,18 @@ mod tests {
             let marks = marker.marks(&LogEntry::Event(event));
             marks.first().map(|mark| (mark.what.label(), mark.what.kind()))
         };
-        let collision = of(EventKind::Collision { with: VehicleId(7) });
-        assert_eq!(collision, Some(("collision with 7".to_owned(), MarkKind::Collision)));
         assert_eq!(
             of(EventKind::Go { stood_s: 2.24 }),
             Some(("go, stood for 2.2 s".to_owned(), MarkKind::Usual))
         );
+        let collision = of(EventKind::Collision { with: VehicleId(7) });
+        assert_eq!(collision, Some(("collision with 7".to_owned(), MarkKind::Collision)));
         assert_eq!(of(EventKind::LinkBack), Some(("link back".to_owned(), MarkKind::Link)));
+        assert_eq!(
+            of(EventKind::Go { stood_s: 2.24 }),
+            Some(("moved, stood for 2.2 s".to_owned(), MarkKind::Usual)),
+            "it has collided: it is pushed, or a person drives it"
+        );
     }
 
     #[test]

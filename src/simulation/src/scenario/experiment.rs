@@ -285,14 +285,19 @@ impl Experiment {
 
     /// Whether another seed makes another run.
     pub fn depends_on_seed(&self) -> bool {
-        // The testbed of physical vehicles draws noise and occlusions, whatever the environment of the others.
-        let has_noisy_testbed = self.testbed != EnvironmentSpec::IDEAL && self.physical().next().is_some();
-        self.traffic_is_drawn || self.environment != EnvironmentSpec::IDEAL || has_noisy_testbed
+        self.traffic_is_drawn || self.environment != EnvironmentSpec::IDEAL || self.has_noisy_testbed()
+    }
+
+    /// Whether the testbed of physical vehicles draws noise and occlusions, whatever the environment of the others.
+    fn has_noisy_testbed(&self) -> bool {
+        self.testbed != EnvironmentSpec::IDEAL && self.physical().next().is_some()
     }
 
     /// Seed and environment of its runs, in words.
     pub fn conditions(&self) -> String {
-        format!("seed {}, {} environment", self.seed, self.environment_name())
+        let is_mixed = self.environment == EnvironmentSpec::IDEAL && self.has_noisy_testbed();
+        let but = if is_mixed { " but for lab vehicles" } else { "" };
+        format!("seed {}, {} environment{but}", self.seed, self.environment_name())
     }
 
     /// The vehicle with this id, whether it is there from the beginning or arrives later.

@@ -175,7 +175,7 @@ pub(super) fn show(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>, acti
         ui.label(absent).on_hover_text("They are on no path that leads to this merging point");
     }
     if let Some(saved) = shown.chart.saved {
-        ui.add(egui::Label::new(RichText::new(saved).small().weak()).truncate()).on_hover_text(saved);
+        ui.label(RichText::new(saved).small());
     }
     ui.separator();
     let needs_control_data =

@@ -324,7 +324,9 @@ pub fn event_words(names: &VehicleNames, mark: &TimelineMark, decimal: DecimalSe
 pub(super) fn label(mark: &TimelineMark, decimal: DecimalSeparator) -> String {
     let label = mark.what.label();
     match mark.what {
-        Occurrence::Event(EventKind::Moved { .. } | EventKind::Go { .. }) => decimal.written(label),
+        Occurrence::Event(EventKind::Moved { .. } | EventKind::Go { .. }) | Occurrence::Displaced { .. } => {
+            decimal.written(label)
+        }
         _ => label,
     }
 }
@@ -353,7 +355,8 @@ const STOOD: &str = "It stood from when it was below 0.1 m/s until it was faster
 
 /// A tip of an event, with what its times mean, or its collision to a vehicle of the laboratory.
 fn with_remark(shown: &ViewModel<'_>, mark: &TimelineMark, tip: &str) -> String {
-    let has_stood = matches!(mark.what, Occurrence::Event(EventKind::Go { .. }));
+    let has_stood =
+        matches!(mark.what, Occurrence::Event(EventKind::Go { .. }) | Occurrence::Displaced { .. });
     let stood = has_stood.then(|| STOOD.to_owned());
     let remark = stood.or_else(|| collision_remark(&shown.run_state.now, mark));
     remark.map_or_else(|| tip.to_owned(), |remark| format!("{tip}. {remark}"))

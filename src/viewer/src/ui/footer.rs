@@ -18,7 +18,8 @@ pub(super) fn show(ui: &mut Ui, shown: &ViewModel<'_>) {
         }
         // What tells its runs apart; an edited scenario has none yet.
         if shown.city != CityKind::Elsewhere && shown.edit.is_none() {
-            let tip = "Seed and environment of this run: the same pair repeats it, unless a person drives or other values were set";
+            let tip = "Seed and environment of this run: the same pair repeats it, unless a person drives or other values were set. \
+                       \"Ideal\" is without delays, noise and losses; vehicles of the laboratory are measured, and have those of the testbed always";
             ui.small(shown.conditions).on_hover_text(tip);
         }
         // Where there is little room, the keys are cut and the rest is left out.

@@ -42,7 +42,7 @@ const EVENTS: [(&str, Option<MarkKind>); 8] = [
     ("vehicle off the road", Some(MarkKind::LeftRoad)),
     ("lost link", Some(MarkKind::Link)),
     ("yield", Some(MarkKind::Yield)),
-    ("merge", Some(MarkKind::Merge)),
+    ("passing of a merge", Some(MarkKind::Merge)),
     ("standstill", Some(MarkKind::Stop)),
     ("event of any kind", None),
 ];

@@ -384,7 +384,8 @@ impl ViewerState {
         self.seat_user(now_s);
         self.say_refusal(&run_state, now_s);
         self.announce_events(&run_state, now_s);
-        if let Some(saved) = self.figures.try_saved() {
+        // The panel tells it, too.
+        if let Some(saved) = self.figures.try_saved().filter(|_| !self.state.open.charts) {
             self.state.say(saved, now_s);
         }
         let live = Arc::clone(&run_state);

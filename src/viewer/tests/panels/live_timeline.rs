@@ -235,7 +235,7 @@ fn what_is_grave_is_counted_and_shown_where_and_when_it_happened() {
     harness.set_size(egui::vec2(1600.0, 720.0));
     harness.run_steps(4);
     harness.get_by_label("4 events");
-    harness.get_by_label("2.00 s: 4 car4, merge");
+    harness.get_by_label("2.00 s: 4 car4, passed a merge");
     click(&mut harness, "1 long standstill");
     assert_eq!(cues(&mut harness), [PlaybackCommand::Show(1.5)]);
     assert_eq!(harness.state().state.viewpoint.follow, Some(VehicleId(2)));
@@ -269,10 +269,10 @@ fn who_looks_at_the_past_sees_the_last_event_until_then() {
     let mut harness = live();
     harness.set_size(egui::vec2(1600.0, 720.0));
     harness.run_steps(4);
-    harness.get_by_label("2.00 s: 4 car4, merge");
+    harness.get_by_label("2.00 s: 4 car4, passed a merge");
     look_back(&mut harness);
     harness.get_by_label("0.50 s: 1 car1, standstill");
-    assert!(harness.query_by_label("2.00 s: 4 car4, merge").is_none(), "it has not happened yet");
+    assert!(harness.query_by_label("2.00 s: 4 car4, passed a merge").is_none(), "it has not happened yet");
 }
 
 #[test]

@@ -419,7 +419,7 @@ fn a_live_run_has_a_list_of_events_and_a_way_to_the_last_collision() {
     desk.events = vec![event(1.0, 1, EventKind::Stop), event(2.0, 3, EventKind::Merge)];
     let mut harness = harness(desk);
     harness.get_by_label("2 events");
-    harness.get_by_label("2.00 s: 3 car3, merge");
+    harness.get_by_label("2.00 s: 3 car3, passed a merge");
     assert!(harness.query_by_label_contains("collision").is_none());
     harness.state_mut().events.push(event(2.5, 2, EventKind::Collision { with: VehicleId(1) }));
     harness.state_mut().events.push(event(2.6, 1, EventKind::Stop));

@@ -18,15 +18,24 @@ pub(super) struct LabelRoom {
     y: (f64, f64),
     size: Vec2,
     taken: Vec<Rect>,
+    /// Pieces of the lines of the plot: names do not lie on them where they find another place.
+    lines: Vec<[Pos2; 2]>,
 }
 
 impl LabelRoom {
     /// The free room of a plot with these ends of its axes and of about that size.
     pub(super) fn new(x: (f64, f64), y: (f64, f64), size: Vec2) -> Self {
-        Self { x, y, size, taken: Vec::new() }
+        Self { x, y, size, taken: Vec::new(), lines: Vec::new() }
     }
 
-    /// Where a name finds room at a point of the plot, by one of its anchors; `None` where none is free.
+    /// Adds a line that is drawn.
+    pub(super) fn add_line(&mut self, points: &[[f64; 2]]) {
+        let places: Vec<Pos2> = points.iter().map(|&[x, y]| self.point(PlotPoint::new(x, y))).collect();
+        self.lines.extend(places.windows(2).map(|pair| [pair[0], pair[1]]));
+    }
+
+    /// Where a name finds room at a point of the plot, by one of its anchors; `None` where none is free. Of those that are free
+    /// it takes the first that is inside and lies on no line.
     pub(super) fn place(
         &mut self,
         ui: &Ui,
@@ -34,9 +43,18 @@ impl LabelRoom {
         anchors: &[Align2],
     ) -> Option<Align2> {
         let (point, size) = (self.point(at), size_of(ui, name));
-        let anchor = anchors.iter().copied().find(|anchor| self.is_free(anchor.anchor_size(point, size)))?;
-        self.taken.push(anchor.anchor_size(point, size));
+        let rect = |anchor: Align2| anchor.anchor_size(point, size);
+        let free = anchors.iter().copied().filter(|anchor| self.is_free(rect(*anchor)));
+        let anchor = free.min_by_key(|anchor| self.trouble(rect(*anchor)))?;
+        self.taken.push(rect(anchor));
         Some(anchor)
+    }
+
+    /// Whether a name is cut by the edge of the plot, and how often lines cross it.
+    fn trouble(&self, rect: Rect) -> (bool, usize) {
+        let plot = Rect::from_min_size(Pos2::ZERO, self.size).expand(TOUCHES);
+        let inner = rect.shrink(TOUCHES);
+        (!plot.contains_rect(rect), self.lines.iter().filter(|line| crosses(inner, **line)).count())
     }
 
     /// The same, at the place or some lines below it: by how much of the vertical axis. `None` where none is free.
@@ -64,6 +82,26 @@ impl LabelRoom {
     }
 }
 
+/// Whether a straight piece of a line goes through a rectangle: what is left of it between its sides, one after the other.
+fn crosses(rect: Rect, [from, to]: [Pos2; 2]) -> bool {
+    let (mut first, mut last) = (0.0_f32, 1.0_f32);
+    for (at, way, low, high) in [
+        (from.x, to.x - from.x, rect.left(), rect.right()),
+        (from.y, to.y - from.y, rect.top(), rect.bottom()),
+    ] {
+        if way == 0.0 {
+            if !(low..=high).contains(&at) {
+                return false;
+            }
+            continue;
+        }
+        let shares = [(low - at) / way, (high - at) / way];
+        first = first.max(shares[0].min(shares[1]));
+        last = last.min(shares[0].max(shares[1]));
+    }
+    first <= last
+}
+
 fn size_of(ui: &Ui, name: &str) -> Vec2 {
     ui.painter().layout_no_wrap(name.to_owned(), FontId::proportional(theme::SMALL), Color32::WHITE).size()
 }
@@ -71,6 +109,28 @@ fn size_of(ui: &Ui, name: &str) -> Vec2 {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_name_lies_on_no_line_where_there_is_another_place() {
+        let context = egui::Context::default();
+        let mut output = context.run_ui(egui::RawInput::default(), |ui| {
+            let (all, at) = ([Align2::RIGHT_TOP, Align2::LEFT_TOP], PlotPoint::new(5.0, 5.0));
+            let place = |points: &[[f64; 2]], at: PlotPoint| {
+                let mut room = LabelRoom::new((0.0, 10.0), (0.0, 10.0), Vec2::new(400.0, 200.0));
+                room.add_line(points);
+                room.place(ui, ("7 path1_a", at), &all)
+            };
+            assert_eq!(place(&[[0.0, 9.0], [5.0, 5.0]], at), Some(Align2::RIGHT_TOP), "it comes from above");
+            assert_eq!(place(&[[0.0, 3.0], [5.0, 5.0]], at), Some(Align2::LEFT_TOP), "it comes from below");
+            let edge = PlotPoint::new(9.9, 5.0);
+            assert_eq!(
+                place(&[[0.0, 3.0], [9.9, 5.0]], edge),
+                Some(Align2::RIGHT_TOP),
+                "not cut by the edge"
+            );
+        });
+        output.textures_delta.clear();
+    }
 
     #[test]
     fn names_at_one_place_stand_around_it_and_the_fifth_is_left_out() {

@@ -65,6 +65,11 @@ pub(super) fn show(
     // The axes take a part of it.
     let size = egui::vec2((width - AXIS[0]).max(1.0), (height - AXIS[1]).max(1.0));
     let (mut room, names) = (LabelRoom::new(panel.x, panel.y, size), ui.new_child(egui::UiBuilder::new()));
+    for line in &panel.lines {
+        for piece in pieces(&line.points) {
+            room.add_line(&decimated(piece, panel.x, NAME_BUCKETS));
+        }
+    }
     let shown = plot.show(ui, |plot| {
         plot.set_plot_bounds(egui_plot::PlotBounds::from_min_max(
             [panel.x.0, panel.y.0],
@@ -115,16 +120,12 @@ pub(super) fn show(
         }
         for end in &panel.names {
             let is_right = end.at.0 > (panel.x.0 + panel.x.1) / 2.0;
-            // Above the highest end there is no room.
-            let is_high = panel.y.1 - end.at.1 < NAME_HEIGHT / height as f64 * (panel.y.1 - panel.y.0);
-            let anchors = match (is_right, is_high) {
-                (true, true) => &[Align2::RIGHT_TOP][..],
-                (true, false) => &[Align2::RIGHT_BOTTOM, Align2::RIGHT_TOP],
-                (false, true) => &[Align2::LEFT_TOP],
-                (false, false) => &[Align2::LEFT_BOTTOM, Align2::LEFT_TOP],
+            let anchors = match is_right {
+                true => [Align2::RIGHT_BOTTOM, Align2::RIGHT_TOP, Align2::LEFT_TOP, Align2::LEFT_BOTTOM],
+                false => [Align2::LEFT_BOTTOM, Align2::LEFT_TOP, Align2::RIGHT_BOTTOM, Align2::RIGHT_TOP],
             };
             let at = PlotPoint::new(end.at.0, end.at.1);
-            if let Some(anchor) = room.place(&names, (&end.name, at), anchors) {
+            if let Some(anchor) = room.place(&names, (&end.name, at), &anchors) {
                 let words = RichText::new(&end.name).size(theme::SMALL);
                 plot.text(Text::new("", at, words).anchor(anchor).color(text));
             }
@@ -166,8 +167,8 @@ pub(super) fn show(
 const WIDE_PT: f64 = 2.0;
 /// Radius of a dot on a line at the time under the mouse, points.
 const DOT: f32 = 3.0;
-/// Of the name of a line, with the room around it, points.
-const NAME_HEIGHT: f64 = 20.0;
+/// Steps of the axis in which names avoid lines.
+const NAME_BUCKETS: usize = 60;
 
 /// What the numbers of the axes take of the width and of the height, about, points.
 const AXIS: [f32; 2] = [40.0, 30.0];

@@ -259,8 +259,9 @@ fn table(
 fn tip_of(quantity: &str) -> Option<&'static str> {
     match quantity {
         "slow stops" => Some(traffic::STOPS),
-        "time in slow stops, all together" => Some(
-            "From below 0.5 m/s until above 1 m/s, of vehicles on their routes, also where these end. One that has collided counts no longer",
+        "time standing, the start too" => Some(
+            "All together, from below 0.5 m/s until above 1 m/s, of vehicles on their routes: from when they are there, before they have set off, \
+             until these end. One that has collided counts no longer",
         ),
         "mean speed" => Some(traffic::MEAN_SPEED),
         "mean delay" => Some(traffic::DELAY),

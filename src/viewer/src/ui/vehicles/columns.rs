@@ -29,7 +29,7 @@ pub fn least_width(ui: &Ui, window: f32) -> f32 {
 
 /// Usual width in a window of some width: in a wide window the drivers find room, too, points.
 pub fn usual_width(ui: &Ui, window: f32) -> f32 {
-    const SHARE: f32 = 0.28;
+    const SHARE: f32 = 0.29;
     let all: Vec<usize> = (0..WIDTHS.len()).collect();
     (SHARE * window).min(width_of(ui, &all, &WIDTHS)).max(width_of(ui, &USUAL, &WIDTHS))
 }

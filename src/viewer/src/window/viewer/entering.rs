@@ -203,7 +203,12 @@ impl ViewerState {
         }
         let experiment = Arc::clone(player.experiment());
         let request = ScenarioRequest { scenario: log.display().to_string(), ..ScenarioRequest::default() };
+        // The charts of a run are those of its replay.
+        let charts = is_own.then(|| self.state.charts.clone());
         self.show(ViewedRun::Log(Box::new(player)), request, experiment);
+        if let Some(charts) = charts {
+            self.state.charts = charts;
+        }
         self.tell_of_log(now_s);
     }
 
