@@ -91,13 +91,13 @@ fn wet_pbr(m: PbrMaterial, world: vec3<f32>, wet: f32) -> PbrMaterial {
     let broad = textureSampleLevel(surfaces, surface_sampler, world.xy * 0.017 + 0.11, ASPHALT, 1.0).g;
     let puddle = smoothstep(PUDDLES.x, PUDDLES.y, broad);
     var out = m;
-    out.albedo *= 1.0 - wet * (0.50 + 0.20 * puddle);
-    out.roughness = mix(m.roughness, 0.20 - 0.16 * puddle, wet);
+    out.albedo *= 1.0 - wet * (0.52 + 0.08 * puddle);
+    out.roughness = mix(m.roughness, 0.20 - 0.13 * puddle, wet);
     return out;
 }
 
 // Brightness of the broad pattern of asphalt between which puddles begin.
-const PUDDLES: vec2<f32> = vec2<f32>(0.595, 0.645);
+const PUDDLES: vec2<f32> = vec2<f32>(0.575, 0.665);
 
 // Emissive strength of name boards at night, times their colour.
 const BOARD_EMISSION: f32 = 0.55;
@@ -221,6 +221,8 @@ const LEAVES_FADE: vec2<f32> = vec2<f32>(0.025, 0.055);
 // docs/reference.md), and most of those that are seen from the shady side have other leaves between them and the sun.
 const LEAF_TRANSLUCENCE: f32 = 0.2;
 const NEEDLE_TRANSLUCENCE: f32 = 0.08;
+// Roughness of single leaves.
+const LEAF_ROUGHNESS: f32 = 0.75;
 
 // Alpha to coverage: the density of leaves sets how many samples they cover, so that the outline of a crown is ragged.
 @fragment
@@ -241,12 +243,15 @@ fn crown_pixel(in: Fragment) -> vec4<f32> {
     let smooth_normal = normalize(in.normal);
     let uv_dx = vec4<f32>(dpdx(in.uv), dpdy(in.uv));
     let dx = array<vec3<f32>, 2>(dpdx(in.world), dpdy(in.world));
+    let sprays = textureSample(surfaces, surface_sampler, in.uv * 0.20, LEAVES).g;
+    if is_spray(in.uv) {
+        return spray_pixel(in, dx, uv_dx);
+    }
     let leafy = near_foliage(Foliage(texel.rgb, smooth_normal, texel.g), LEAVES, in.uv, dx, uv_dx);
     let crown = far_wood(leafy, in.world, pixel_on_ground(dx[0], dx[1]));
     // Near the outline only the brightest leaves cover the background.
     let pixel = 2.0 * distance * abs(view.camera_from_clip[1][1]) / view.extent.y;
     let near = 1.0 - smoothstep(LEAVES_FADE.x, LEAVES_FADE.y, pixel);
-    let sprays = textureSample(surfaces, surface_sampler, in.uv * 0.20, LEAVES).g;
     // In dark parts of the crown other leaves lie behind those of the outline.
     let bare = smoothstep(0.50, 0.78, in.colour.a);
     let least = 0.80 * near * bare * (1.0 - smoothstep(0.0, 0.65, dot(smooth_normal, to_eye)));
@@ -254,6 +259,18 @@ fn crown_pixel(in: Fragment) -> vec4<f32> {
     let leaf = PbrMaterial(crown.albedo * in.colour.rgb, in.colour.a, texel.a, 0.0, LEAF_TRANSLUCENCE, 0.0);
     let seen = hdr_pixel(shade(leaf, in.world, crown.normal, to_eye), vec3<f32>(0.0), from_eye);
     return vec4<f32>(seen.radiance.rgb, cover);
+}
+
+// A spray of leaves near the camera: its leaves cover, what is between them does not.
+fn spray_pixel(in: Fragment, dx: array<vec3<f32>, 2>, uv_dx: vec4<f32>) -> vec4<f32> {
+    let leaf = spray_leaf(in.uv, pixel_in_sprays(uv_dx.xy, uv_dx.zw));
+    let from_eye = in.world - view.eye.xyz;
+    let smooth_normal = normalize(in.normal);
+    let normal = normalize(smooth_normal + surface_axes(smooth_normal, dx, uv_dx) * (leaf.tilt * 0.75));
+    let albedo = mean_texel(LEAVES).rgb * leaf.tone * in.colour.rgb;
+    let material = PbrMaterial(albedo, in.colour.a, LEAF_ROUGHNESS, 0.0, LEAF_TRANSLUCENCE, 0.0);
+    let seen = hdr_pixel(shade(material, in.world, normal, -normalize(from_eye)), vec3<f32>(0.0), from_eye);
+    return vec4<f32>(seen.radiance.rgb, leaf.cover);
 }
 
 @fragment

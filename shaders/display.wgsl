@@ -74,11 +74,28 @@ fn smoothed_reflection(place: TilePixel) -> vec4<f32> {
     return vec4<f32>(sum.rgb / max(sum.a, 1.0), here.a);
 }
 
-// Layers of falling drops, near ones first: columns of them per height of the picture, and heights that they fall a second.
-const RAIN_LAYERS: array<vec2<f32>, 3> =
-    array<vec2<f32>, 3>(vec2<f32>(26.0, 2.6), vec2<f32>(52.0, 1.7), vec2<f32>(96.0, 1.1));
+// A layer of falling drops.
+struct RainLayer {
+    // Columns of drops per height of the picture, and drops below one another in a column.
+    columns: f32,
+    rows: f32,
+    // Heights of the picture that they fall a second, and width of a streak as a share of it.
+    fall: f32,
+    width: f32,
+    // Longest streak as a share of the room of a drop, and brightness.
+    longest: f32,
+    bright: f32,
+}
+
+// Near ones first: few, wide and out of focus.
+const RAIN_LAYERS: array<RainLayer, 4> = array<RainLayer, 4>(
+    RainLayer(17.0, 2.1, 2.4, 0.0024, 0.36, 0.42),
+    RainLayer(44.0, 4.3, 1.7, 0.0013, 0.34, 0.55),
+    RainLayer(92.0, 8.0, 1.2, 0.0008, 0.32, 0.62),
+    RainLayer(170.0, 14.0, 0.8, 0.0006, 0.32, 0.55),
+);
 // What a drop adds, of the light of the horizon.
-const RAIN_LIGHT: f32 = 0.28;
+const RAIN_LIGHT: f32 = 0.30;
 // How far drops are blown aside as they fall.
 const RAIN_SLANT: f32 = 0.06;
 
@@ -92,28 +109,32 @@ fn rain_hash(cell: vec2<f32>, layer: f32) -> f32 {
     return f32((n ^ (n >> 16u)) & 0xffffffu) / 16777215.0;
 }
 
-// Streaks of rain across a pixel at the simulated time, 0 to 1: each column has drops at times of its own.
+// Streaks of rain across a pixel at the simulated time, 0 to 1: each column has drops at times of its own. Who looks down sees
+// them from above, and shorter.
 fn rain_streaks(pixel: vec2<i32>) -> f32 {
     let at = (vec2<f32>(pixel) + 0.5) / view.extent.y;
     // A line is at least a pixel wide, and fainter where it would be thinner.
     let pixel_size = 1.0 / view.extent.y;
+    let upright = clamp(abs(view.clip_from_world[2].y * view.camera_from_clip[1][1]), 0.25, 1.0);
     var streaks = 0.0;
-    for (var k = 0; k < 3; k++) {
+    for (var k = 0; k < 4; k++) {
         let layer = f32(k);
-        let columns = RAIN_LAYERS[k].x;
-        let across = (at.x + RAIN_SLANT * at.y) * columns;
+        let drops = RAIN_LAYERS[k];
+        let across = (at.x + RAIN_SLANT * at.y) * drops.columns;
         let column = floor(across);
         let shift = rain_hash(vec2<f32>(column, 3.0), layer);
-        let down = at.y * (1.3 + 0.9 * layer) - frame.to_sun.w * RAIN_LAYERS[k].y * (0.85 + 0.3 * shift) + 9.0 * shift;
+        let rows = drops.rows / upright;
+        let down = at.y * rows - frame.to_sun.w * drops.fall * drops.rows * (0.85 + 0.3 * shift) + 9.0 * shift;
         let cell = vec2<f32>(column, floor(down));
-        let place = 0.15 + 0.7 * rain_hash(cell, layer + 3.0);
-        let length = 0.16 + 0.22 * rain_hash(cell, layer + 6.0);
-        let part = fract(down) / length;
-        let width = max(0.0011 - 0.0003 * layer, pixel_size);
-        let off = abs(fract(across) - place) / columns;
-        let line = clamp(1.0 - off / width, 0.0, 1.0) * min((0.0011 - 0.0003 * layer) / pixel_size, 1.0);
-        let is_there = step(rain_hash(cell, layer + 9.0), 0.5);
-        streaks += is_there * line * smoothstep(0.0, 0.5, part) * (1.0 - smoothstep(0.8, 1.0, part));
+        let place = 0.12 + 0.76 * rain_hash(cell, layer + 4.0);
+        let drop = rain_hash(cell, layer + 8.0);
+        let length = drops.longest * (0.35 + 0.65 * rain_hash(cell, layer + 12.0));
+        let part = fract(down + 0.9 * place) / length;
+        let width = max(drops.width, pixel_size);
+        let off = abs(fract(across) - place) / (drops.columns * width);
+        let line = max(1.0 - off, 0.0) * min(drops.width / pixel_size, 1.0);
+        let ends = smoothstep(0.0, 0.5, part) * (1.0 - smoothstep(0.6, 1.0, part));
+        streaks += step(drop, 0.62) * (0.3 + 1.1 * drop) * drops.bright * line * ends;
     }
     return min(streaks, 1.0);
 }
@@ -165,10 +186,11 @@ fn displayed(place: TilePixel) -> vec3<f32> {
             let part = clamp(mirror_at(texel, k).a / reflection.a, 0.0, 1.0);
             sample = vec4<f32>(max(sample.rgb + part * reflection.rgb, vec3<f32>(0.0)), sample.a);
         }
-        var dark = occlusion * sample.a;
-        if contact_shadows {
-            // What shines by itself has a negative share: nothing takes light from it.
-            dark = select(dark + contact * (1.0 - clamp(sample.a, 0.0, 1.0)), 0.0, sample.a < 0.0);
+        // What shines by itself, and glass, whose depth is that of what is behind it, have a negative share: nothing takes light
+        // from them.
+        var dark = occlusion * max(sample.a, 0.0);
+        if contact_shadows && sample.a >= 0.0 {
+            dark += contact * (1.0 - min(sample.a, 1.0));
         }
         sum += aces_filmic(sample.rgb * (frame.sun.w * (1.0 - dark)) + drops);
     }

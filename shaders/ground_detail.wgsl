@@ -11,15 +11,6 @@ struct GroundDetail {
     slope: vec2<f32>,
 }
 
-// Three numbers from 0 to 1 for a cell: pcg3d (Jarzynski and Olano 2020, Hash Functions for GPU Rendering).
-fn cell_dice(cell: vec2<i32>, salt: u32) -> vec3<f32> {
-    var v = vec3<u32>(bitcast<vec2<u32>>(cell), salt) * 1664525u + 1013904223u;
-    v += v.yzx * v.zxy;
-    v = v ^ (v >> vec3<u32>(16u));
-    v += v.yzx * v.zxy;
-    return vec3<f32>(v >> vec3<u32>(8u)) / 16777216.0;
-}
-
 // Cellular noise (Worley 1996): stones in a bed. xy: slope of the stone, at most about 1; z: tone of the stone, w: 0 in
 // the gap between stones to 1 on them.
 fn stones(at: vec2<f32>, salt: u32) -> vec4<f32> {

@@ -55,6 +55,29 @@ fn instanced_main(
     return project(world, labels_of(material));
 }
 
+struct LeafFragment {
+    @builtin(position) clip: vec4<f32>,
+    @location(0) depth: f32,
+    @location(1) @interpolate(flat) labels: vec2<u32>,
+    @location(2) uv: vec2<f32>,
+}
+
+@vertex
+fn leaf_main(@location(0) position: vec3<f32>, @location(3) uv: vec2<f32>, @location(4) material: u32) -> LeafFragment {
+    let leaf = project(position, labels_of(material));
+    return LeafFragment(leaf.clip, leaf.depth, leaf.labels, uv);
+}
+
+// What is between the leaves of a spray is not there.
+@fragment
+fn leaf_fragment(in: LeafFragment) -> Pixel {
+    let pixel = pixel_in_sprays(dpdx(in.uv), dpdy(in.uv));
+    if is_spray(in.uv) && spray_leaf(in.uv, pixel).cover < 0.5 {
+        discard;
+    }
+    return Pixel(in.depth, in.labels);
+}
+
 struct LineFragment {
     @builtin(position) clip: vec4<f32>,
     @location(0) depth: f32,

@@ -97,9 +97,9 @@ fn beam(at: vec2<f32>) -> f32 {
     let slope = at.y / (max(at.x, 0.01) + 1.5);
     let aside = slope * slope;
     let cone = 0.30 * exp(-aside * 6.0) + 0.70 * exp(-aside * 30.0);
-    let fall = 1.0 / (1.0 + at.x * at.x / 420.0);
+    let fall = 1.0 / (1.0 + at.x * at.x / 230.0);
     let cut_off_m = mix(25.0, 39.0, smoothstep(-0.05, 0.14, -slope));
-    return cone * fall * smoothstep(0.0, 5.5, at.x) * (1.0 - smoothstep(0.6 * cut_off_m, cut_off_m, at.x));
+    return cone * fall * smoothstep(0.2, 3.2, at.x) * (1.0 - smoothstep(0.6 * cut_off_m, cut_off_m, at.x));
 }
 
 @fragment
@@ -117,4 +117,4 @@ fn beam_fragment(in: Spot) -> @location(0) vec4<f32> {
 }
 
 // Light of one headlight on the road, before what its distance takes; a street lamp has 0.64 at its foot.
-const HEADLIGHT: f32 = 2.4;
+const HEADLIGHT: f32 = 3.4;

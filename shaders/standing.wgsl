@@ -34,7 +34,9 @@ fn vertex_main(in: VertexIn) -> Fragment {
     var out: Fragment;
     out.clip = view.clip_from_world * vec4<f32>(world, 1.0);
     // The depth test is that of the place above on the ray to the eye.
-    let raised = clamp(LIFT_M / max(view.eye.z - world.z, LIFT_M), 0.0, 0.5);
+    // A larger one lies on ground that is less even.
+    let lift = LIFT_M + 0.12 * max(in.axes.z - 1.0, 0.0);
+    let raised = clamp(lift / max(view.eye.z - world.z, lift), 0.0, 0.5);
     let above = view.clip_from_world * vec4<f32>(mix(world, view.eye.xyz, raised), 1.0);
     out.clip.z = above.z / above.w * out.clip.w;
     if pixels < SMALLEST_PX {

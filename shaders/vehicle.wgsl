@@ -29,7 +29,7 @@ struct Fragment {
 const PAINT_REFLECTS: f32 = 0.80;
 
 // Shares of light that covers of lamps, glass and tinted glass absorb, and the roughness from which on glass counts as tinted.
-const ABSORBED: vec3<f32> = vec3<f32>(0.05, 0.42, 0.80);
+const ABSORBED: vec3<f32> = vec3<f32>(0.05, 0.56, 0.80);
 const TINTED_FROM: f32 = 0.09;
 
 // How far a pane may be from that of the coarser body in the shadow map, metres.

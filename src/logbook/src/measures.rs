@@ -48,6 +48,9 @@ pub struct RunMeasures {
     /// Environment between control framework and vehicles; empty in a summary of an earlier version, which does not say.
     #[serde(default)]
     pub environment: String,
+    /// Vehicles of the laboratory are measured with noise and losses, though the environment is ideal.
+    #[serde(default)]
+    pub ideal_but_for_lab: bool,
     /// Simulated time at the end.
     pub simulated_s: f64,
     /// One between two vehicles counts once.
@@ -194,6 +197,7 @@ impl RunMeasures {
             scenario: summary.scenario.clone(),
             seed: summary.seed,
             environment: summary.environment.to_owned(),
+            ideal_but_for_lab: summary.ideal_but_for_lab,
             simulated_s: summary.simulated_s,
             collisions: summary.collisions as u64,
             mean_speed_mps: summary.mean_speed_mps,
@@ -247,6 +251,9 @@ impl RunMeasures {
     pub fn conditions(&self) -> String {
         match self.environment.as_str() {
             "" => format!("seed {}", self.seed),
+            environment if self.ideal_but_for_lab => {
+                format!("seed {}, {environment} environment but for lab vehicles", self.seed)
+            }
             environment => format!("seed {}, {environment} environment", self.seed),
         }
     }

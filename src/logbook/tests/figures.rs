@@ -383,6 +383,11 @@ fn the_way_of_a_vehicle_shows_everybody_on_its_lanes_from_its_front() {
     let apart_m = of(1).pose.position.distance(of(2).pose.position);
     let (ahead_m, own_m) = (panel.lines[first].points[10].1, own[10].1);
     assert!((ahead_m - own_m - apart_m).abs() < 0.5, "{ahead_m} {own_m} {apart_m}");
+    // The axis reaches as far as lines do.
+    let all = || panel.lines.iter().flat_map(|line| &line.points).map(|(_, m)| *m).filter(|m| m.is_finite());
+    let (low_m, high_m) = (all().fold(0.0, f64::min), all().fold(0.0, f64::max));
+    let apart_m = (low_m - panel.y.0).max(panel.y.1 - high_m);
+    assert!(panel.y.0 < low_m && panel.y.1 > high_m && apart_m < 0.1 * (high_m - low_m), "{:?}", panel.y);
     let near = way(2, false);
     assert_eq!((near.panels[0].x, near.panels[0].y), ((10.0, 20.0), (-WAY_BEHIND_M, WAY_AHEAD_M)));
     assert!(near.table.rows.iter().all(|row| row[3].parse::<f64>().unwrap() >= 10.0));

@@ -160,8 +160,9 @@ impl DeviceRenderer {
             ),
             vehicles: VehiclePass::new(device, attachments, (&frame_constants, &constants), groups),
             contact: ContactPass::new(device, attachments, &frame.layout),
-            standing: (!vertex_lit)
-                .then(|| StandingPass::new(device, attachments, &frame.layout, (scene, lamplit))),
+            standing: (!vertex_lit).then(|| {
+                StandingPass::new(device, attachments, &frame.layout, scene, (textures.light.to_sun, lamplit))
+            }),
             sky: SkyPass::new(context, attachments, textures, groups),
             glow: lamplit.then(|| {
                 let is_wet = settings.weather == Weather::Rain;

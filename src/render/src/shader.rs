@@ -26,6 +26,8 @@ const LIGHT: ShaderFile = shader_file!("light.wgsl");
 const VERTEX_LIT: ShaderFile = shader_file!("vertex_lit.wgsl");
 const GROUND_DETAIL: ShaderFile = shader_file!("ground_detail.wgsl");
 const FOLIAGE: ShaderFile = shader_file!("foliage.wgsl");
+const HASH: ShaderFile = shader_file!("hash.wgsl");
+const SPRAYS: ShaderFile = shader_file!("sprays.wgsl");
 const ROOMS: ShaderFile = shader_file!("rooms.wgsl");
 const CITY: ShaderFile = shader_file!("city.wgsl");
 const VEHICLE: ShaderFile = shader_file!("vehicle.wgsl");
@@ -100,7 +102,7 @@ impl Shader {
 
     fn parts(self) -> &'static [ShaderFile] {
         match self {
-            Self::City => &[COMMON, LIGHT, VERTEX_LIT, GROUND_DETAIL, FOLIAGE, ROOMS, CITY],
+            Self::City => &[COMMON, LIGHT, VERTEX_LIT, HASH, GROUND_DETAIL, SPRAYS, FOLIAGE, ROOMS, CITY],
             Self::Vehicle => &[COMMON, LIGHT, VERTEX_LIT, VEHICLE],
             Self::Contact => &[COMMON, CONTACT],
             Self::Standing => &[COMMON, STANDING],
@@ -108,7 +110,7 @@ impl Shader {
             Self::Signal => &[COMMON, SIGNAL],
             Self::Shadow => &[COMMON, SHADOW],
             Self::Sky => &[COMMON, SKY],
-            Self::GroundTruth => &[GROUND_TRUTH],
+            Self::GroundTruth => &[HASH, SPRAYS, GROUND_TRUTH],
             Self::Lamps => &[COMMON, LAMPS],
             Self::Occlusion(SampleCount::Single) => &[COMMON, TILE, SINGLE_SAMPLE, SURFACE, OCCLUSION],
             Self::Occlusion(SampleCount::Multi) => &[COMMON, TILE, MULTISAMPLE, SURFACE, OCCLUSION],

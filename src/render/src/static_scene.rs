@@ -230,18 +230,14 @@ pub(super) struct VisibleRanges {
 }
 
 impl VisibleRanges {
-    /// Objects of all pipelines.
-    pub(super) fn all_objects(&self) -> [&DrawList; 3] {
-        [&self.untextured, &self.bucket, &self.objects]
-    }
-
     /// Ground of all pipelines.
     pub(super) fn all_ground(&self) -> [&DrawList; 2] {
         [&self.ground, &self.plain_ground]
     }
 
     fn triangles(&self) -> u64 {
-        let lists = self.all_objects().into_iter().chain(self.all_ground()).chain([&self.lines]);
+        let objects = [&self.untextured, &self.bucket, &self.objects];
+        let lists = objects.into_iter().chain(self.all_ground()).chain([&self.lines]);
         lists.map(DrawList::triangles).sum()
     }
 }

@@ -76,6 +76,19 @@ pub struct SceneDescription {
     pub lamps: Vec<Vec3>,
     /// Lenses of traffic signals, by the ids of their heads.
     pub signals: Vec<SignalLenses>,
+    /// Trees of the land around the city, which no shadow map reaches.
+    pub shades: Vec<TreeShade>,
+}
+
+/// A tree that shades the ground around it.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct TreeShade {
+    /// Where it stands, city metres.
+    pub foot: Vec3,
+    /// Radius of its crown, metres.
+    pub radius_m: f32,
+    /// Height of the whole tree, metres.
+    pub height_m: f32,
 }
 
 /// A static object at one or more levels of detail (LOD).
@@ -438,7 +451,8 @@ impl SceneDescription {
         if has_close_ups {
             objects.par_iter_mut().for_each(SceneObject::show_close_up);
         }
-        Self { ground, objects, instanced, walls, bounds, lamps, signals }
+        let shades = land.shades(&nursery);
+        Self { ground, objects, instanced, walls, bounds, lamps, signals, shades }
     }
 
     /// What hides in a map without meshes, as walls: outer walls, roofs in their middle, towers.

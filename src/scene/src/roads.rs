@@ -6,7 +6,7 @@ use super::ground_sheet::{GRASS_M, GroundSheet};
 use super::kerbs::{self, Fall, Kerb};
 use super::mesh::{Finish, Mesh, Vertex};
 use super::outlines::{Corner, Cover};
-use super::polygon::{Region, inset_union, mitre, without};
+use super::polygon::{Region, doubled_area, inset_union, mitre, without};
 use super::smoothing::smooth_outlines;
 use city3d_geometry::Segment;
 use city3d_roadmap::{CityMap, Footprint, Lane, LaneId, SceneryKind};
@@ -253,6 +253,8 @@ const KERBS_WITHIN_M: f64 = 0.012;
 const PAVEMENTS_WITHIN_M: f64 = 0.04;
 /// Smaller pieces of pavement are left out.
 const LEAST_PAVEMENT_M2: f64 = 0.2;
+/// Smaller pieces of grass within pavements are paved.
+const LEAST_LAWN_M2: f64 = 6.0;
 
 impl Outlines {
     /// Outlines for a road field and further paved areas.
@@ -266,7 +268,10 @@ impl Outlines {
         let paved = road.signed_distance_to(&paved, BEYOND_M);
         let pavement = away.with(&paved, |away, paved| (away - PAVEMENT_M).min(paved));
         let pavement = closed(&pavement, STRIP_M / 2.0, BEYOND_M).contours(0.0);
-        let pavement = regions_of(simplified(&pavement, PAVEMENTS_WITHIN_M), LEAST_PAVEMENT_M2);
+        let mut pavement = regions_of(simplified(&pavement, PAVEMENTS_WITHIN_M), LEAST_PAVEMENT_M2);
+        for region in &mut pavement {
+            region.holes.retain(|hole| doubled_area(hole).abs() > 2.0 * LEAST_LAWN_M2);
+        }
         let paved = simplified(&road.contours(SHOULDER_M + kerbs::WIDTH_M as f32), 3.0 * KERBS_WITHIN_M);
         Self { kerbs, paved: regions_of(paved, LEAST_ISLAND_M2), pavement: rings_of(pavement) }
     }

@@ -272,6 +272,7 @@ impl NeutralFile {
             bounds,
             lamps: Vec::new(),
             signals: Vec::new(),
+            shades: Vec::new(),
         }
     }
 

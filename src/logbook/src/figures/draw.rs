@@ -336,6 +336,15 @@ impl<B: DrawingBackend> FigurePainter<'_, B> {
         for (y, (x, _, name)) in apart(&wanted, NAME_APART_MM).into_iter().zip(names) {
             let h = if x > place.x + place.width / 2.0 { HPos::Right } else { HPos::Left };
             let y = y.max(place.y + NAME_APART_MM / 2.0);
+            // Below a level line that would go through it.
+            let crossed = panel
+                .rules
+                .iter()
+                .filter(|rule| rule.is_level)
+                .filter_map(|rule| rule_at(rule, panel, place));
+            let y = crossed
+                .filter(|at| (at - y).abs() < NAME_APART_MM / 2.0)
+                .fold(y, |_, at| at + 0.6 * NAME_APART_MM);
             self.text(name, (x - 0.6, y), TextFormat { colour: GREY, h, ..SMALL })?;
         }
         Ok(())

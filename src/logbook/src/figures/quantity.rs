@@ -112,9 +112,10 @@ impl Quantity {
         }
     }
 
-    /// Column of a table, SI units.
-    fn column(self) -> &'static str {
+    /// Column of a table: SI units, but for speeds in km/h where the figure has them.
+    fn column(self, scale: FigureScale) -> &'static str {
         match self {
+            Self::Speed if scale == FigureScale::City => "speed_kmh",
             Self::Speed => "speed_mps",
             Self::Acceleration => "acceleration_mps2",
             Self::LateralError => "lateral_error_m",
@@ -136,7 +137,9 @@ impl Quantity {
     fn note(self) -> &'static str {
         match self {
             Self::Speed => "Along the heading.",
-            Self::Acceleration => "Along the heading: the change of the speed from one state to the next.",
+            Self::Acceleration => {
+                "Along the heading; in a collision the change of the speed from one state to the next."
+            }
             Self::LateralError => "Front-axle centre from its desired path, positive to the left.",
             Self::Steering => "Of the front axle's middle, positive to the left.",
             Self::YawRate => "Counter-clockwise seen from above.",
@@ -159,7 +162,7 @@ impl Quantity {
         };
         let mut values: Vec<(f64, f64)> = match self {
             Self::Speed => direct(|sample| sample.speed_mps),
-            Self::Acceleration => changes_of_speed(trace),
+            Self::Acceleration => accelerations(trace),
             Self::LateralError => direct(|sample| sample.lateral_error_m),
             Self::Steering => direct(|sample| sample.steering_rad),
             Self::YawRate => direct(|sample| sample.yaw_rate_radps),
@@ -183,16 +186,20 @@ impl Quantity {
     }
 }
 
-/// Accelerations between the states of a trace: those at the states miss what happens between two of them, as in a collision.
-fn changes_of_speed(trace: &Trace) -> Vec<(f64, f64)> {
+/// Speed changes faster in collisions alone, m/s2.
+const MOST_OF_TYRES_MPS2: f64 = 12.0;
+
+/// Accelerations at the states of a trace; where speed has changed faster than tyres allow, by how much since the state before: those
+/// at the states miss what happens between two of them.
+fn accelerations(trace: &Trace) -> Vec<(f64, f64)> {
     let mut before = None;
-    let change = |sample: &super::run::TraceSample| {
+    let of = |sample: &super::run::TraceSample| {
         let [time_s, speed_mps] = [sample.time_s, sample.speed_mps];
         let change = before.replace([time_s, speed_mps]).map(|[t, v]| (speed_mps - v) / (time_s - t));
-        // The first one has none before it.
-        (time_s, change.unwrap_or(sample.acceleration_mps2))
+        let struck = change.filter(|change| change.abs() > MOST_OF_TYRES_MPS2);
+        (time_s, struck.unwrap_or(sample.acceleration_mps2))
     };
-    trace.samples.iter().map(change).collect()
+    trace.samples.iter().map(of).collect()
 }
 
 /// Where a vehicle was: place of its sample, its lane, and its front bumper along that lane.
@@ -296,8 +303,9 @@ impl SeriesFigure<'_> {
             y_label: format!("{}{in_unit}", quantity.label()),
             ..Panel::default()
         };
-        let mut table = TidyTable::new(&["run", "vehicle", "name", "time_s", quantity.column()]);
+        let mut table = TidyTable::new(&["run", "vehicle", "name", "time_s", quantity.column(scale)]);
         let of_run = self.conditions();
+        let in_table = if quantity == Quantity::Speed { factor } else { 1.0 };
         let mut legend = Vec::new();
         let within = |&(time_s, _): &(f64, f64)| (self.span_s.0..=self.span_s.1).contains(&time_s);
         for (trace, stroke) in self.shown.iter().zip(styles_of(&self.shown)) {
@@ -310,7 +318,7 @@ impl SeriesFigure<'_> {
             if with_table {
                 let row = |&(time_s, value): &(f64, f64)| {
                     let (id, name) = (trace.id.to_string(), trace.name.clone());
-                    vec![of_run.clone(), id, name, number(time_s, 3), number(value, 6)]
+                    vec![of_run.clone(), id, name, number(time_s, 3), number(value * in_table, 6)]
                 };
                 table.rows.extend(values.iter().map(row));
             }
@@ -446,8 +454,8 @@ mod tests {
         }
         let dt_s = trace.samples[40].time_s - trace.samples[39].time_s;
         let values = Quantity::Acceleration.values(&traces[0], &traces, run.experiment());
-        assert!((values[40].1 + 5.0 / dt_s).abs() < 1e-9 && values[41].1 == 0.0, "{:?}", &values[38..43]);
-        assert_eq!(values[0].1, 0.1);
+        assert!((values[40].1 + 5.0 / dt_s).abs() < 1e-9, "{:?}", &values[38..43]);
+        assert_eq!([values[0].1, values[39].1, values[41].1], [0.1; 3], "else that of the state");
     }
 
     #[test]
@@ -538,8 +546,8 @@ mod tests {
         let sample = traces[0].samples[30];
         let [kmh, mps] = [&city, &lab].map(|figure| figure.panels[0].lines[0].points[30].1);
         assert!((kmh - sample.speed_mps * 3.6).abs() < 1e-9 && (mps - sample.speed_mps / 25.0).abs() < 1e-9);
-        assert_eq!(city.table.columns, ["run", "vehicle", "name", "time_s", "speed_mps"]);
-        assert_eq!(city.table.rows[30][4], number(sample.speed_mps, 6));
+        assert_eq!(city.table.columns, ["run", "vehicle", "name", "time_s", "speed_kmh"]);
+        assert_eq!(city.table.rows[30][4], number(sample.speed_mps * 3.6, 6));
         assert_eq!(city.title, "straight, seed 1, ideal environment: speed");
         assert_eq!(city.table.rows[30][0], "straight, seed 1, ideal environment");
         assert_eq!(city.legend.len(), traces.len());

@@ -40,6 +40,14 @@ pub struct WayFigure<'a> {
 /// The line of a vehicle: times and metres ahead of the front of the one whose way it is; NaN where it is not on it.
 type WayLine = Vec<(f64, f64)>;
 
+/// The positions that lines reach, with some room at both ends.
+fn reached(lines: &[(&Trace, WayLine)]) -> (f64, f64) {
+    let all = || lines.iter().flat_map(|(_, line)| line).map(|(_, m)| *m).filter(|m| m.is_finite());
+    let (low_m, high_m) = (all().fold(0.0, f64::min), all().fold(0.0, f64::max));
+    let room_m = 0.05 * (high_m - low_m) + 1.0;
+    (low_m - room_m, high_m + room_m)
+}
+
 impl WayFigure<'_> {
     /// The figure; `None` where the vehicle is on no lane.
     pub fn draw(&self) -> Option<Figure> {
@@ -57,7 +65,8 @@ impl WayFigure<'_> {
             .map(|trace| (trace, line(trace)))
             .filter(|(_, line)| line.iter().any(|(_, m)| m.is_finite()))
             .collect();
-        Some(self.figure(own, &lines, (low_m, WAY_AHEAD_M)))
+        let range_m = if self.is_whole { reached(&lines) } else { (low_m, WAY_AHEAD_M) };
+        Some(self.figure(own, &lines, range_m))
     }
 
     /// Where a vehicle was on the way. A lane that the way has twice is the visit nearest to whose way it is.

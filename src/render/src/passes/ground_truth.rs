@@ -35,6 +35,8 @@ pub(crate) mod gpu_data {
 #[derive(Debug)]
 pub(crate) struct GroundTruthPass {
     city: wgpu::RenderPipeline,
+    /// What has gaps between leaves.
+    leaves: wgpu::RenderPipeline,
     /// Without culling on the adapter: one may leave out a face of a kerb that is seen edge on, with nothing behind it.
     ground: wgpu::RenderPipeline,
     lines: wgpu::RenderPipeline,
@@ -68,6 +70,7 @@ impl GroundTruthPass {
         Self {
             city: pipeline(city, &[Some(city::gpu_data::LAYOUT)]),
             ground: made(city, &[Some(city::gpu_data::LAYOUT)], None),
+            leaves: pipeline(["leaf_main", "leaf_fragment"], &[Some(city::gpu_data::LAYOUT)]),
             lines: pipeline(["line_main", "line_fragment"], &[Some(city::gpu_data::LAYOUT)]),
             instanced: pipeline(
                 ["instanced_main", "fragment_main"],
@@ -112,19 +115,22 @@ impl GroundTruthPass {
         fleet.draw(pass, &visible.vehicles, true);
         tile.set_scissor_rows(pass, visible.visible_rows);
         pass.set_pipeline(&self.city);
-        for objects in visible.ranges.all_objects() {
+        let ranges = &visible.ranges;
+        for objects in [&ranges.untextured, &ranges.objects] {
             static_scene.draw(pass, objects);
         }
-        if !visible.ranges.instances.is_empty() {
+        pass.set_pipeline(&self.leaves);
+        static_scene.draw(pass, &ranges.bucket);
+        if !ranges.instances.is_empty() {
             pass.set_pipeline(&self.instanced);
-            static_scene.instanced().draw(pass, &visible.ranges.instances, InstancePart::All);
+            static_scene.instanced().draw(pass, &ranges.instances, InstancePart::All);
         }
         pass.set_pipeline(&self.ground);
-        for ground in visible.ranges.all_ground() {
+        for ground in ranges.all_ground() {
             static_scene.draw(pass, ground);
         }
         pass.set_pipeline(&self.lines);
-        static_scene.draw(pass, &visible.ranges.lines);
+        static_scene.draw(pass, &ranges.lines);
     }
 }
 

@@ -3,7 +3,7 @@
 
 use super::{Attachments, ScenePipelineState, scene_pipeline};
 use crate::shader::Shader;
-use city3d_scene::{Class, SceneDescription, SceneObject};
+use city3d_scene::{Class, SceneDescription, SceneObject, TreeShade};
 use glam::{Vec2, Vec3};
 use gpu_data::Patch;
 use wgpu::util::DeviceExt;
@@ -44,6 +44,10 @@ const OVER_GROUND_M: f32 = 0.03;
 /// Shares of the light that patches take: of the sky's, and of the lamps'.
 const SKY_SHARE: f32 = 0.70;
 const LAMP_SHARE: f32 = 0.92;
+/// Share of the light that the shadow of a tree takes, how far its soft edge reaches, and its greatest length in crown radii.
+const TREE_SHARE: f32 = 0.62;
+const SOFT: f32 = 1.25;
+const LONGEST_OF_TREE: f32 = 4.0;
 /// Light between the lamps, in units of [`lamplight`].
 const ELSEWHERE: f32 = 0.015;
 /// Longest shadow, and farthest lamp that casts one, metres.
@@ -126,6 +130,23 @@ impl Footprint {
     }
 }
 
+/// The shadow of a tree in the light of the sun.
+fn shadow_of(tree: &TreeShade, to_sun: Vec3) -> Patch {
+    let away = -to_sun.truncate();
+    let steepness = to_sun.z.max(0.02) / away.length().max(1e-3);
+    let TreeShade { foot, radius_m, height_m } = *tree;
+    // Of the middle of the crown; that of a low sun is too thin to be seen to its end.
+    let far_m = (0.62 * height_m / steepness).min(LONGEST_OF_TREE * radius_m);
+    let longer_m = (0.38 * height_m / steepness).min(LONGEST_OF_TREE * radius_m);
+    let ahead = away.normalize_or(Vec2::X);
+    let middle = foot + (ahead * far_m).extend(OVER_GROUND_M);
+    Patch {
+        at: middle.extend(TREE_SHARE).to_array(),
+        axes: [ahead.x, ahead.y, radius_m.max(longer_m) * SOFT, radius_m * SOFT],
+        fades: 0.0,
+    }
+}
+
 /// Light of a street lamp on the ground at its foot and around it, see `lamp_fragment` in `lamps.wgsl`.
 fn lamplight(to_lamp: Vec3) -> f32 {
     let (far, above) = (to_lamp.truncate().length_squared(), to_lamp.z * to_lamp.z);
@@ -148,12 +169,16 @@ impl StandingPass {
         device: &wgpu::Device,
         attachments: Attachments,
         frame: &wgpu::BindGroupLayout,
-        (scene, is_lamplit): (&SceneDescription, bool),
+        scene: &SceneDescription,
+        (to_sun, is_lamplit): (Vec3, bool),
     ) -> Self {
         let lamps: &[Vec3] = if is_lamplit { &scene.lamps } else { &[] };
         let feet = scene.objects.iter().filter_map(Footprint::of);
-        let patches: Vec<Patch> =
+        let mut patches: Vec<Patch> =
             feet.flat_map(|feet| std::iter::once(feet.under()).chain(feet.in_lamplight(lamps))).collect();
+        if !is_lamplit {
+            patches.extend(scene.shades.iter().map(|tree| shadow_of(tree, to_sun)));
+        }
         let pipeline = scene_pipeline(
             device,
             attachments,

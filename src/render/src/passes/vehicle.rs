@@ -68,10 +68,12 @@ impl VehiclePass {
         let blended = || {
             // Premultiplied; the ambient share of what is behind stays.
             let colour = wgpu::BlendState::PREMULTIPLIED_ALPHA_BLENDING.color;
+            // Nothing takes light from glass, whose depth is that of what is behind it: its share is negative, see `displayed` in
+            // `display.wgsl`.
             let alpha = wgpu::BlendComponent {
-                src_factor: wgpu::BlendFactor::Zero,
-                dst_factor: wgpu::BlendFactor::One,
-                operation: wgpu::BlendOperation::Add,
+                src_factor: wgpu::BlendFactor::One,
+                dst_factor: wgpu::BlendFactor::Zero,
+                operation: wgpu::BlendOperation::ReverseSubtract,
             };
             pipeline(["vertex_main", "glass_fragment"], Some(wgpu::BlendState { color: colour, alpha }))
         };

@@ -3,7 +3,7 @@
 
 use super::super::mesh::Mesh;
 use super::super::trees::{CountryTreeDetail, Habit, TENT_SIDES, TreePrototypes};
-use super::super::{LodMesh, SceneObject, hash_to_unit};
+use super::super::{LodMesh, SceneObject, TreeShade, hash_to_unit};
 use super::country_roads::{CountryRoad, VERGE_M};
 use super::farms::Farm;
 use super::fields::{self, Fields};
@@ -100,6 +100,9 @@ struct CountryTree {
     in_wood: bool,
 }
 
+/// Height of a prototype of a tree as a share of the radius of its crown, about.
+const HEIGHT: f32 = 4.2;
+
 /// How a tree is drawn, or one that stands for several.
 #[derive(Clone, Copy, Debug)]
 struct Crown {
@@ -127,11 +130,7 @@ impl Greenery<'_> {
         let [dense_m, sparse_m] = SPACING_M;
         let near = self.wood(dense_m, [woods::FROM_M, woods::SPARSE_FROM_M]);
         let far = self.wood(sparse_m, [woods::SPARSE_FROM_M, fields::REACH_M + BEYOND_FIELDS_M]);
-        let avenues = self.roads.iter().flat_map(|road| self.avenue(road));
-        let farms = self.farms.iter().flat_map(Self::of_farm);
-        for tree in
-            near.into_iter().chain(far).chain(avenues).chain(farms).chain(self.alone()).chain(self.common())
-        {
+        for tree in near.into_iter().chain(far).chain(self.in_the_open()) {
             self.plant(&mut tiles, tree);
         }
         for (ends, seed) in self.fields.boundaries() {
@@ -148,6 +147,23 @@ impl Greenery<'_> {
         }
         let objects = tiles.into_iter().flat_map(|((rank, _), tile)| self.objects_of(tile, TILES_M[rank].1));
         objects.filter(|object| !object.is_empty()).collect()
+    }
+
+    /// Trees that stand in no wood.
+    fn in_the_open(&self) -> impl Iterator<Item = CountryTree> {
+        let avenues = self.roads.iter().flat_map(|road| self.avenue(road));
+        let farms = self.farms.iter().flat_map(Self::of_farm);
+        avenues.chain(farms).chain(self.alone()).chain(self.common())
+    }
+
+    /// What casts shadows on open land.
+    pub(super) fn shades(&self) -> Vec<TreeShade> {
+        let shade = |tree: CountryTree| {
+            let Crown { radius_m, tall_m, .. } = self.crown(&tree);
+            let foot = tree.at.as_vec2().extend(self.ground_m(tree.at));
+            TreeShade { foot, radius_m, height_m: HEIGHT * tall_m }
+        };
+        self.in_the_open().map(shade).collect()
     }
 
     /// The plants of a tile with their levels of detail: woods, and what stands alone.

@@ -13,13 +13,13 @@ mod sheds;
 mod sheet;
 mod woods;
 
-use super::SceneObject;
 use super::doorways::Way;
 use super::lanes::LaneBoxIndex;
 use super::mesh::Mesh;
 use super::roads::{RoadField, closed_ground};
 use super::surroundings::Surroundings;
 use super::trees::TreePrototypes;
+use super::{SceneObject, TreeShade};
 use city3d_roadmap::CityMap;
 pub(super) use country_roads::CountryRoad;
 use farms::Farm;
@@ -100,12 +100,20 @@ impl Land {
         lanes: &LaneBoxIndex<'_>,
         around: &Surroundings<'_>,
     ) -> Vec<SceneObject> {
+        let mut objects = self.greenery(nursery, |greenery| greenery.objects());
+        objects.extend(self.farms.iter().flat_map(|farm| farm.buildings(lanes, around)));
+        objects
+    }
+
+    /// Trees in the open: the shadow map does not reach them.
+    pub(super) fn shades(&self, nursery: &TreePrototypes) -> Vec<TreeShade> {
+        self.greenery(nursery, |greenery| greenery.shades())
+    }
+
+    fn greenery<R>(&self, nursery: &TreePrototypes, found: impl FnOnce(&Greenery<'_>) -> R) -> R {
         let Self { relief, roads, farms, .. } = self;
         let fields = Fields::new(relief);
-        let woods = Woods { relief };
-        let mut objects = Greenery { relief, fields: &fields, roads, woods, farms, nursery }.objects();
-        objects.extend(farms.iter().flat_map(|farm| farm.buildings(lanes, around)));
-        objects
+        found(&Greenery { relief, fields: &fields, roads, woods: Woods { relief }, farms, nursery })
     }
 }
 

@@ -11,15 +11,18 @@ const INSIDE: f32 = 0.77;
 const INSIDE_FACES: [u32; 2] = [6, 3];
 const INSIDE_TONE: f32 = 0.74;
 const INSIDE_OPEN: f32 = 0.70;
-/// Length of a spray, and what is added for a clump of half width 1; its width as a share.
-const SPRAY_M: [f32; 2] = [0.16, 0.26];
+/// Length of a spray, and what is added for a clump of half width 1; its width as a share, as in `foliage.wgsl`.
+const SPRAY_M: [f32; 2] = [0.12, 0.19];
 const SPRAY_WIDE: f32 = 0.86;
 /// Area of all sprays of a clump as a share of its surface.
-const COVER: f32 = 0.76;
+const COVER: f32 = 0.98;
+/// Texture coordinates from which on a leaf is on a spray, which has one cell of them, as in `foliage.wgsl`; and cells to a side.
+const SPRAY_UV: f32 = 1024.0;
+const SPRAY_CELLS: f32 = 64.0;
+/// How much of its cell a spray takes, so that its corners are in no other one.
+const INSIDE_CELL: f32 = 0.98;
 /// Where sprays begin and how far out they may, as shares of the radius of a clump.
 const FEET: [f32; 2] = [0.70, 0.24];
-/// Repeats of the pattern over a length of one, as on clumps.
-const REPEATS: f32 = 3.0;
 /// Twigs at the end of a branch.
 const TWIGS: u32 = 2;
 
@@ -30,7 +33,13 @@ struct Spray {
     out: Vec3,
     roll: f32,
     tone: f32,
-    start: Vec2,
+    /// Its cell of the texture coordinates, by which the shader draws its leaves.
+    cell: Vec2,
+}
+
+/// A cell by two numbers from 0 to 1.
+fn cell(across: f32, up: f32) -> Vec2 {
+    (Vec2::new(across, up) * SPRAY_CELLS).floor() + SPRAY_UV
 }
 
 /// Adds a crown as wide and high as the usual one along all directions of [`reach`].
@@ -68,7 +77,7 @@ fn sprays(mesh: &mut Mesh, crown: &Crown, index: usize, clump: &Clump) {
     let Vec3 { x, y, z } = clump.size;
     let length = SPRAY_M[0] + SPRAY_M[1] * clump.size.min_element();
     let surface = 4.0 * PI * (x * y + x * z + y * z) / 3.0;
-    let count = (COVER * surface / (0.55 * SPRAY_WIDE * length * length)) as u32;
+    let count = (COVER * surface / (0.5 * SPRAY_WIDE * length * length)) as u32;
     for k in 0..count {
         let draw = |salt: u32| crown.hash_to_unit(4000 + 300 * index as u32 + k, salt);
         let up = 1.0 - 2.0 * (k as f32 + 0.5) / count as f32;
@@ -94,7 +103,7 @@ fn sprays(mesh: &mut Mesh, crown: &Crown, index: usize, clump: &Clump) {
                 out,
                 roll: 1.1 * (draw(6) - 0.5),
                 tone: clump.tone * (0.96 + 0.34 * draw(7)),
-                start: Vec2::new(draw(8), draw(9)),
+                cell: cell(draw(8), draw(9)),
             },
         );
     }
@@ -119,14 +128,14 @@ fn outermost(mesh: &mut Mesh, crown: &Crown, usual: &Mesh) {
         let Some(clump) = crown.clumps.iter().min_by(|a, b| depth(a).total_cmp(&depth(b))) else { continue };
         // In the nearest clump, so that it does not float.
         let foot = clump.centre + (tip - clump.centre) * (0.78 / depth(&clump).max(0.9));
-        let start = Vec2::new(draw(8), draw(9));
+        let cell = cell(draw(8), draw(9));
         // Facing up or to the side, for it points out.
         let out = (out.any_orthonormal_vector() + out * 0.4 + Vec3::Z * 0.4).normalize_or(Vec3::Z);
-        add(mesh, crown, &Spray { foot, tip, out, roll: 0.0, tone: 0.95, start });
+        add(mesh, crown, &Spray { foot, tip, out, roll: 0.0, tone: 0.95, cell });
     }
 }
 
-/// A spray has three pointed lobes: its outline is broken.
+/// A spray is a rhombus bent down at its sides, on which the shader finds stem and leaves.
 fn add(mesh: &mut Mesh, crown: &Crown, spray: &Spray) {
     let Spray { foot, tip, out, roll, .. } = *spray;
     let along = tip - foot;
@@ -137,23 +146,22 @@ fn add(mesh: &mut Mesh, crown: &Crown, spray: &Spray) {
     let across = across * cos + ahead.cross(across) * sin;
     let over = across.cross(ahead);
     // Across and along as shares, and how far it is bent down.
-    const OUTLINE: [[f32; 3]; 5] =
-        [[0.0, 0.0, 0.0], [0.50, 0.40, -0.10], [0.17, 0.62, 0.02], [0.0, 1.0, 0.0], [-0.44, 0.54, -0.08]];
+    const OUTLINE: [[f32; 3]; 4] = [[0.0, 0.0, 0.0], [0.5, 0.5, -0.07], [0.0, 1.0, 0.0], [-0.5, 0.5, -0.07]];
     let corner = |[aside, far, bent]: [f32; 3]| {
         foot + along * far + across * (aside * SPRAY_WIDE * length) + over * (bent * length)
     };
     let normal = (over * 0.75 + out * 0.5).normalize_or(out);
     let base = mesh.vertices.len() as u32;
     for part in OUTLINE {
-        let uv = spray.start + Vec2::new(part[0] * SPRAY_WIDE, part[1]) * (length * REPEATS);
+        let place = Vec2::new(part[0], part[1] - 0.5) * INSIDE_CELL + Vec2::new(0.0, 0.5);
+        let facing = normal + across * (0.7 * part[0]) + ahead * (0.5 * (part[1] - 0.5));
         // Younger leaves at the tip are brighter, and see more of the sky.
-        let mut vertex = crown.leaf(corner(part), normal, uv, spray.tone * (0.90 + 0.20 * part[1]));
+        let tone = spray.tone * (0.90 + 0.20 * part[1]);
+        let mut vertex = crown.leaf(corner(part), facing, spray.cell + place, tone);
         vertex.openness = (f32::from(vertex.openness) * (0.82 + 0.18 * part[1])) as u8;
         mesh.vertex(vertex);
     }
-    for [b, c] in [[1, 2], [2, 3], [3, 4]] {
-        mesh.indices.extend([base, base + b, base + c]);
-    }
+    mesh.indices.extend([base, base + 1, base + 2, base, base + 2, base + 3]);
 }
 
 /// Pulls in what is farther out than the usual crown along any direction of [`reach`].

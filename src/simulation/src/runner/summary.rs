@@ -76,6 +76,9 @@ pub struct Summary {
     pub seed: u64,
     /// Environment between control framework and vehicles: `ideal`, `testbed`, or `own` for a scenario's own values.
     pub environment: &'static str,
+    /// Vehicles of the laboratory are measured with noise and losses, though the environment is ideal; left out where it is false.
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    pub ideal_but_for_lab: bool,
     /// Version of City3D.
     pub version: &'static str,
     /// Simulated time at the end, seconds.
@@ -260,6 +263,7 @@ impl Summary {
             scenario: experiment.name.clone(),
             seed: experiment.seed,
             environment: experiment.environment_name(),
+            ideal_but_for_lab: experiment.is_ideal_but_for_lab(),
             version: env!("CARGO_PKG_VERSION"),
             simulated_s,
             stopped_at_tick: None,

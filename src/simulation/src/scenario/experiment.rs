@@ -288,6 +288,11 @@ impl Experiment {
         self.traffic_is_drawn || self.environment != EnvironmentSpec::IDEAL || self.has_noisy_testbed()
     }
 
+    /// Whether vehicles of the laboratory are measured with noise and losses where the environment of the others is ideal.
+    pub fn is_ideal_but_for_lab(&self) -> bool {
+        self.environment == EnvironmentSpec::IDEAL && self.has_noisy_testbed()
+    }
+
     /// Whether the testbed of physical vehicles draws noise and occlusions, whatever the environment of the others.
     fn has_noisy_testbed(&self) -> bool {
         self.testbed != EnvironmentSpec::IDEAL && self.physical().next().is_some()
@@ -295,8 +300,7 @@ impl Experiment {
 
     /// Seed and environment of its runs, in words.
     pub fn conditions(&self) -> String {
-        let is_mixed = self.environment == EnvironmentSpec::IDEAL && self.has_noisy_testbed();
-        let but = if is_mixed { " but for lab vehicles" } else { "" };
+        let but = if self.is_ideal_but_for_lab() { " but for lab vehicles" } else { "" };
         format!("seed {}, {} environment{but}", self.seed, self.environment_name())
     }
 

@@ -314,7 +314,9 @@ fn vehicles(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>) {
 }
 
 /// Least height of a plot with its axis, points.
-const LEAST_PLOT: f32 = 120.0;
+const LEAST_PLOT: f32 = 100.0;
+/// Height of the name above it, with its spacing, points.
+const TITLE: f32 = 23.0;
 
 /// Draws a figure of the logbook.
 fn draw(
@@ -328,10 +330,11 @@ fn draw(
         let [from, to] = [scale.from, scale.to].map(|end| state.preferences.decimal.fixed(end, 2));
         ui.weak(format!("{}: {from} dark to {to} light", scale.label));
     }
-    let note_height = 30.0;
+    let note = RichText::new(&figure.note).small().weak();
+    let note_height = height_of(ui, &note) + 2.0 * ui.spacing().item_spacing.y;
     let count = figure.panels.len().max(1) as f32;
     // In a small panel it is scrolled.
-    let height = ((ui.available_height() - note_height) / count - 18.0).max(LEAST_PLOT);
+    let height = ((ui.available_height() - note_height) / count - TITLE).max(LEAST_PLOT);
     let is_over_time = state.charts.kind.is_over_time();
     egui::ScrollArea::vertical().auto_shrink(false).show(ui, |ui| {
         for (index, panel) in figure.panels.iter().enumerate() {
@@ -343,8 +346,16 @@ fn draw(
                 actions.push(UiAction::PlaybackCommand(PlaybackCommand::Seek(time_s)));
             }
         }
-        ui.label(RichText::new(&figure.note).small().weak());
+        ui.label(note);
     });
+}
+
+/// Of a text over the whole width, points.
+fn height_of(ui: &Ui, text: &RichText) -> f32 {
+    let text = egui::WidgetText::from(text.clone());
+    let galley =
+        text.into_galley(ui, Some(egui::TextWrapMode::Wrap), ui.available_width(), egui::TextStyle::Small);
+    galley.size().y
 }
 
 /// What the colours of lines are.
@@ -356,7 +367,9 @@ fn legend(ui: &mut Ui, figure: &Figure) {
         for key in &figure.legend {
             let colour = plot::on_ground(ui.ctx(), key.stroke.colour);
             let text = format!("{} {}", sample(key.stroke.dash), key.name);
-            ui.label(RichText::new(text).small().color(colour)).on_hover_text(LINE_COLOURS);
+            // A name is not cut in two.
+            let label = egui::Label::new(RichText::new(text).small().color(colour)).extend();
+            ui.add(label).on_hover_text(LINE_COLOURS);
         }
     });
 }

@@ -7,7 +7,7 @@ use egui::{Align, Label, Layout, RichText, Ui};
 const LEAST_TEXT: f32 = 60.0;
 
 /// The lowest bar: keys, where the run is recorded, its conditions, pictures a second.
-pub(super) fn show(ui: &mut Ui, shown: &ViewModel<'_>) {
+pub(super) fn show(ui: &mut Ui, shown: &ViewModel<'_>, has_dialog: bool) {
     let cut = |ui: &mut Ui, text: RichText| ui.add(Label::new(text.small()).truncate());
     let from_right = Layout::right_to_left(Align::Center);
     let row = |ui: &mut Ui| {
@@ -24,7 +24,10 @@ pub(super) fn show(ui: &mut Ui, shown: &ViewModel<'_>) {
         }
         // Where there is little room, the keys are cut and the rest is left out.
         ui.with_layout(Layout::left_to_right(Align::Center), |ui| {
-            cut(ui, help::reminder(&commands::key_map::of(ui.ctx()), shown).into());
+            // A dialog takes the keys.
+            if !has_dialog {
+                cut(ui, help::reminder(&commands::key_map::of(ui.ctx()), shown).into());
+            }
             if ui.available_width() > LEAST_TEXT {
                 ui.with_layout(from_right, |ui| cut(ui, RichText::new(shown.footer).weak()));
             }

@@ -338,7 +338,12 @@ fn motion(
         format!(", planned {}", decimal.signed(decision.acceleration_mps2, 2))
     });
     let acceleration = format!("{} m/s\u{b2}{planned}", decimal.signed(vehicle.acceleration_mps2, 2));
-    row(ui, "Acceleration", &acceleration, "Along its heading");
+    row(
+        ui,
+        "Acceleration",
+        &acceleration,
+        "Along its heading, smoothed where it is measured; as in the charts",
+    );
 }
 
 /// Whether a vehicle follows what control decides.

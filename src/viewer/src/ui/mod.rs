@@ -538,7 +538,8 @@ pub fn show(ui: &mut egui::Ui, state: &mut UiState, shown: &ViewModel<'_>) -> Ve
         bar::show(ui, state, shown, &mut actions);
         ui.add_space(air);
     });
-    egui::Panel::bottom("footer").frame(frame).show(ui, |ui| footer::show(ui, shown));
+    let has_dialog = state.runs.is_modal();
+    egui::Panel::bottom("footer").frame(frame).show(ui, |ui| footer::show(ui, shown, has_dialog));
     // What is edited has no time yet: that of the old run would mislead.
     if shown.edit.is_none() {
         egui::Panel::bottom("timeline").frame(frame).show(ui, |ui| {

@@ -118,7 +118,7 @@ pub(super) static ALL: [PanelEntry; 12] = [
         panel: Panel::Charts,
         title: "Charts",
         home: Home::Floating,
-        size: [560.0, 460.0],
+        size: [560.0, 500.0],
         is_open: |state| state.open.charts,
         close: |state| state.open.charts = false,
         show: charts::show,

@@ -70,6 +70,9 @@ pub(super) fn show(
             room.add_line(&decimated(piece, panel.x, NAME_BUCKETS));
         }
     }
+    for rule in panel.rules.iter().filter(|rule| rule.is_level) {
+        room.add_line(&[[panel.x.0, rule.at], [panel.x.1, rule.at]]);
+    }
     let shown = plot.show(ui, |plot| {
         plot.set_plot_bounds(egui_plot::PlotBounds::from_min_max(
             [panel.x.0, panel.y.0],

@@ -199,7 +199,7 @@ fn speed(
     let in_units = |lab_mps: f64| units.of(scale.city_from_lab(lab_mps), scale);
     if shown.run_state.now.roster.iter().any(VehicleInfo::is_physical) {
         ui.label("Initial speed").on_hover_text(AT_REST);
-        ui.weak("0: from rest").on_hover_text(AT_REST);
+        ui.weak("0 (lab vehicles start from rest)").on_hover_text(AT_REST);
         return None;
     }
     let in_file = decimal.fixed(vehicle.speed_mps, 3);

@@ -29,7 +29,7 @@ const WAITS: Duration = Duration::from_millis(250);
 /// Id of its window.
 const WINDOW: &str = "card of a run";
 /// About its size, points.
-const SIZE: Vec2 = Vec2::new(446.0, 362.0);
+const SIZE: Vec2 = Vec2::new(446.0, 430.0);
 /// Vehicles that drive less have not moved.
 const MOVES_M: f64 = 0.1;
 
@@ -117,7 +117,6 @@ pub(super) fn window(ui: &Ui, state: &mut UiState, shown: &ViewModel<'_>, action
     let window = super::super::sheet(ui, title).id(egui::Id::unique(WINDOW));
     let window = window.pivot(Align2::LEFT_TOP).collapsible(true).open(&mut is_open);
     // A higher one would be moved up into the window before it shrinks to what it holds.
-    let window = window.default_height(SIZE.y);
     // Where it hides nothing at first; the user may move it.
     let window = if let Some(place) = place { layout::moved_to(window, place) } else { window };
     window.show(ui.ctx(), |ui| {
@@ -197,6 +196,8 @@ fn measures(shown: &ViewModel<'_>) -> Option<RunMeasures> {
 
 /// How often vehicles stood, as the events count it.
 const STANDSTILLS: &str = "Standstills (< 0.1 m/s)";
+/// Where some have collided: slow stops do not count those.
+const STANDSTILLS_OF_ALL: &str = "Standstills (< 0.1 m/s), wrecks too";
 
 /// What happened in all control zones together.
 const IN_ZONES: &str = "In control zones";
@@ -208,7 +209,7 @@ const LONGEST_STAND: &str = "Longest stand";
 fn tip_of(name: &str) -> Option<&'static str> {
     match name {
         traffic::SLOW_STOPS => Some(traffic::STOPS),
-        STANDSTILLS => Some(
+        STANDSTILLS | STANDSTILLS_OF_ALL => Some(
             "How often vehicles stood before the end of their routes, or off these: the events \"standstill\" but \
                  for that of an arrival",
         ),
@@ -246,7 +247,8 @@ fn results(
         row("Collisions", measures.collisions.to_string(), measures.collisions > 0);
         row(traffic::SLOW_STOPS, measures.stops().to_string(), false);
         let standstills = measures.standstills().map_or_else(|| "-".to_owned(), |count| count.to_string());
-        row(STANDSTILLS, standstills, false);
+        let name = if measures.collisions > 0 { STANDSTILLS_OF_ALL } else { STANDSTILLS };
+        row(name, standstills, false);
         row("Mean speed", mean_speed.to_owned(), false);
         let number = |value: Option<f64>, digits: usize, unit: &str| {
             value.map_or_else(|| "-".to_owned(), |value| format!("{} {unit}", decimal.fixed(value, digits)))

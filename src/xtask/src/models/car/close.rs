@@ -73,7 +73,13 @@ fn lamp(builder: &mut PrimitiveBuilder, shape: &CarShape, facing: f32, side: f32
         }
         points
     };
-    let (cover, bowl) = (surface(Vec3::ZERO), surface(Vec3::new(-0.075 * facing, -0.03 * side, 0.0)));
+    // That of a tail lamp is close behind its cover, which one looks through at the corner.
+    let inwards = if facing > 0.0 {
+        Vec3::new(-0.075, -0.03 * side, 0.0)
+    } else {
+        Vec3::new(0.045, -0.006 * side, 0.0)
+    };
+    let (cover, bowl) = (surface(Vec3::ZERO), surface(inwards));
     builder.grid(&cover, |_| 250, |_, _| Some(LENS));
     builder.grid(&bowl, |_| 150, |_, _| Some(if facing > 0.0 { BOWL } else { HOUSING }));
     // The walls between both are seen from inside.
@@ -120,16 +126,16 @@ fn lamp(builder: &mut PrimitiveBuilder, shape: &CarShape, facing: f32, side: f32
         }
     } else if is_tall {
         for t in [[0.645, 0.70], [0.725, 0.78], [0.805, 0.86], [0.88, 0.905]] {
-            strip([[0.835, 0.985], t], 0.018, TAIL);
+            strip([[0.835, 0.945], t], 0.018, TAIL);
         }
-        strip([[0.835, 0.985], [0.525, 0.62]], 0.022, indicator);
-        strip([[0.835, 0.985], [0.385, 0.495]], 0.022, REVERSE);
+        strip([[0.835, 0.945], [0.525, 0.62]], 0.022, indicator);
+        strip([[0.835, 0.945], [0.385, 0.495]], 0.022, REVERSE);
     } else {
         for t in [[0.615, 0.66], [0.70, 0.735], [0.86, 0.905]] {
-            strip([[0.64, 0.99], t], 0.018, TAIL);
+            strip([[0.64, 0.945], t], 0.018, TAIL);
         }
         strip([[0.64, 0.80], [0.77, 0.83]], 0.022, REVERSE);
-        strip([[0.83, 0.99], [0.77, 0.83]], 0.022, indicator);
+        strip([[0.83, 0.945], [0.77, 0.83]], 0.022, indicator);
     }
 }
 

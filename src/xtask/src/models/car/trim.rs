@@ -210,22 +210,45 @@ fn number_plates(builder: &mut PrimitiveBuilder, shape: &CarShape, detail: CarDe
         if detail.is_near() {
             // On the plate, wherever the end below it is.
             let x = end_before(shape, facing, [z, z + HIGH_M]) + PROUD_M + 0.002;
-            registration(builder, facing, Vec3::new(facing * x, 0.0, z + HIGH_M / 2.0));
+            let middle = Vec3::new(facing * x, 0.0, z + HIGH_M / 2.0);
+            registration(builder, &registration_of(shape.name), facing, middle);
         }
     }
 }
 
-/// Lettering of the plates: letters of three by five squares.
-fn registration(builder: &mut PrimitiveBuilder, facing: f32, middle: Vec3) {
+/// Letters and digits of the plates, of three by five squares, by rows.
+const GLYPHS: [(char, [&str; 5]); 13] = [
+    ('C', ["###", "#  ", "#  ", "#  ", "###"]),
+    ('D', ["## ", "# #", "# #", "# #", "## "]),
+    (' ', ["  ", "  ", "  ", "  ", "  "]),
+    ('0', ["###", "# #", "# #", "# #", "###"]),
+    ('1', [" # ", "## ", " # ", " # ", "###"]),
+    ('2', ["###", "  #", "###", "#  ", "###"]),
+    ('3', ["###", "  #", " ##", "  #", "###"]),
+    ('4', ["# #", "# #", "###", "  #", "  #"]),
+    ('5', ["###", "#  ", "###", "  #", "###"]),
+    ('6', ["###", "#  ", "###", "# #", "###"]),
+    ('7', ["###", "  #", "  #", " # ", " # "]),
+    ('8', ["###", "# #", "###", "# #", "###"]),
+    ('9', ["###", "# #", "###", "  #", "###"]),
+];
+
+/// The registration of a kind of car.
+fn registration_of(name: &str) -> String {
+    let sum = name.bytes().fold(7_u32, |sum, letter| sum.wrapping_mul(31).wrapping_add(letter.into()));
+    format!("C3D {}", 100 + sum % 900)
+}
+
+/// Lettering of the plates.
+fn registration(builder: &mut PrimitiveBuilder, text: &str, facing: f32, middle: Vec3) {
     const SQUARE_M: f32 = 0.0145;
-    const ROWS: [&str; 5] = [
-        "### ### ### # #   ### ## ",
-        "#    #   #  # #     # # #",
-        "#    #   #   #     ## # #",
-        "#    #   #   #      # # #",
-        "### ###  #   #    ### ## ",
-    ];
-    lettering(builder, &ROWS, SEAM, middle, Vec3::Y * (facing * SQUARE_M));
+    let rows: [String; 5] = std::array::from_fn(|row| {
+        let glyph =
+            |letter| GLYPHS.iter().find(|(known, _)| *known == letter).map_or("", |(_, rows)| rows[row]);
+        text.chars().map(glyph).collect::<Vec<_>>().join(" ")
+    });
+    let rows = rows.each_ref().map(String::as_str);
+    lettering(builder, &rows, SEAM, middle, Vec3::Y * (facing * SQUARE_M));
 }
 
 /// Lettering made of squares: one to the right is at `right`, the middle of all at `middle`.
