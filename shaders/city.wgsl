@@ -222,7 +222,7 @@ const LEAVES_FADE: vec2<f32> = vec2<f32>(0.025, 0.055);
 const LEAF_TRANSLUCENCE: f32 = 0.2;
 const NEEDLE_TRANSLUCENCE: f32 = 0.08;
 // Roughness of single leaves.
-const LEAF_ROUGHNESS: f32 = 0.75;
+const LEAF_ROUGHNESS: f32 = 0.97;
 
 // Alpha to coverage: the density of leaves sets how many samples they cover, so that the outline of a crown is ragged.
 @fragment

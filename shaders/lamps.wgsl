@@ -117,4 +117,4 @@ fn beam_fragment(in: Spot) -> @location(0) vec4<f32> {
 }
 
 // Light of one headlight on the road, before what its distance takes; a street lamp has 0.64 at its foot.
-const HEADLIGHT: f32 = 3.4;
+const HEADLIGHT: f32 = 2.6;

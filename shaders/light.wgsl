@@ -120,7 +120,7 @@ fn reflected_radiance(world: vec3<f32>, direction: vec3<f32>, roughness: f32) ->
     let ground = mix(frame.ground_light.rgb, vec3<f32>(luminance(frame.ground_light.rgb)), 0.6);
     var street = ground * (1.0 - 0.35 * smoothstep(-0.3, 0.1, direction.z));
     // In rain what stands around is bright with haze, and open between the houses.
-    street = mix(street, frame.haze.rgb, 0.40 * frame.shadow_texel.z * smoothstep(0.0, 0.06, direction.z));
+    street = mix(street, frame.haze.rgb, 0.20 * frame.shadow_texel.z * smoothstep(0.0, 0.06, direction.z));
     if lamplit {
         let at = (world.xy + direction.xy * 7.0) * frame.lamp_uv_from_world.xy + frame.lamp_uv_from_world.zw;
         street += min(textureSampleLevel(lamp_map, lamp_sampler, at, 0.0).rgb, vec3<f32>(0.9)) * (0.3 * frame.zenith.w);

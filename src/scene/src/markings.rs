@@ -264,7 +264,9 @@ fn yield_triangles(figures: &mut PaintedSymbols, driving: Pose2, [a, b]: [DVec2;
     let Some(along) = across.try_normalize() else { return };
     let count = (length / pitch).floor().max(1.0);
     let margin = (length - count * pitch) / 2.0;
-    let back = driving.forward() * -height;
+    // Square to the line, so that those of several lanes that come to it coincide.
+    let ahead = along.perp();
+    let back = ahead * (-height * ahead.dot(driving.forward()).signum());
     for k in 0..count as usize {
         let middle = a + along * (margin + (k as f64 + 0.5) * pitch);
         figures.polygon(&[middle - along * (width / 2.0), middle + along * (width / 2.0), middle + back]);

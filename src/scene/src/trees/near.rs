@@ -7,7 +7,7 @@ use glam::{Vec2, Vec3};
 use std::f32::consts::{PI, TAU};
 
 /// What is dark inside: its size as a share of the clumps, faces around and up, brightness and openness as shares.
-const INSIDE: f32 = 0.77;
+const INSIDE: f32 = 0.66;
 const INSIDE_FACES: [u32; 2] = [6, 3];
 const INSIDE_TONE: f32 = 0.74;
 const INSIDE_OPEN: f32 = 0.70;
@@ -15,14 +15,14 @@ const INSIDE_OPEN: f32 = 0.70;
 const SPRAY_M: [f32; 2] = [0.12, 0.19];
 const SPRAY_WIDE: f32 = 0.86;
 /// Area of all sprays of a clump as a share of its surface.
-const COVER: f32 = 0.98;
+const COVER: f32 = 1.12;
 /// Texture coordinates from which on a leaf is on a spray, which has one cell of them, as in `foliage.wgsl`; and cells to a side.
 const SPRAY_UV: f32 = 1024.0;
 const SPRAY_CELLS: f32 = 64.0;
 /// How much of its cell a spray takes, so that its corners are in no other one.
 const INSIDE_CELL: f32 = 0.98;
 /// Where sprays begin and how far out they may, as shares of the radius of a clump.
-const FEET: [f32; 2] = [0.70, 0.24];
+const FEET: [f32; 2] = [0.60, 0.34];
 /// Twigs at the end of a branch.
 const TWIGS: u32 = 2;
 

@@ -17,7 +17,8 @@ pub(super) fn spruce(mesh: &mut Mesh, seed: u32, detail: TreeDetail) {
         TreeDetail::Hull([5, _], _) => (5, 2, 3),
         TreeDetail::Hull(..) => (4, 1, 3),
     };
-    limb(mesh, &[(Vec3::ZERO, 0.11), (Vec3::Z * 0.7, 0.08)], trunk, BARK.shaded(0.8));
+    // Up into the tiers, which hang over it.
+    limb(mesh, &[(Vec3::ZERO, 0.11), (Vec3::Z * (0.5 * height), 0.05)], trunk, BARK.shaded(0.8));
     let first = 0.09 * height;
     for k in 0..tiers {
         let part = k as f32 / tiers as f32;
@@ -73,7 +74,7 @@ fn tier(
         return;
     }
     let middle = mesh.vertex(Vertex {
-        position: foot + Vec3::Z * (0.30 * height),
+        position: foot + Vec3::Z * (0.16 * height),
         normal: -Vec3::Z,
         uv: Vec2::ZERO,
         finish: finish.shaded(0.6),
