@@ -59,7 +59,7 @@ fn lamp_fragment(in: Spot) -> @location(0) vec4<f32> {
     let far = dot(in.at, in.at);
     let height = in.size.x;
     // Falloff of street lamps: their optics spread light to the sides, so it is less steep than the cosine law.
-    let fall = pow(height * height / (height * height + far), 1.35);
+    let fall = pow(height * height / (height * height + far), 1.9);
     let edge = select(0.0, clamp(1.0 - far / (LAMP_REACH_M * LAMP_REACH_M), 0.0, 1.0), is_unoccluded(in));
     // Alpha holds the light of street lamps alone.
     let light = 0.64 * fall * edge * edge;
@@ -97,7 +97,7 @@ fn beam(at: vec2<f32>) -> f32 {
     let slope = at.y / (max(at.x, 0.01) + 1.5);
     let aside = slope * slope;
     let cone = 0.30 * exp(-aside * 6.0) + 0.70 * exp(-aside * 30.0);
-    let fall = 1.0 / (1.0 + at.x * at.x / 230.0);
+    let fall = 1.0 / (1.0 + at.x * at.x / 110.0);
     let cut_off_m = mix(25.0, 39.0, smoothstep(-0.05, 0.14, -slope));
     return cone * fall * smoothstep(0.2, 3.2, at.x) * (1.0 - smoothstep(0.6 * cut_off_m, cut_off_m, at.x));
 }
