@@ -267,8 +267,10 @@ fn spray_pixel(in: Fragment, dx: array<vec3<f32>, 2>, uv_dx: vec4<f32>) -> vec4<
     let from_eye = in.world - view.eye.xyz;
     let smooth_normal = normalize(in.normal);
     let normal = normalize(smooth_normal + surface_axes(smooth_normal, dx, uv_dx) * (leaf.tilt * 0.75));
-    let albedo = mean_texel(LEAVES).rgb * leaf.tone * in.colour.rgb;
-    let material = PbrMaterial(albedo, in.colour.a, LEAF_ROUGHNESS, 0.0, LEAF_TRANSLUCENCE, 0.0);
+    let is_conifer = is_bough(in.uv);
+    let mean = select(mean_texel(LEAVES).rgb, mean_texel(NEEDLES).rgb, is_conifer);
+    let translucence = select(LEAF_TRANSLUCENCE, NEEDLE_TRANSLUCENCE, is_conifer);
+    let material = PbrMaterial(mean * leaf.tone * in.colour.rgb, in.colour.a, LEAF_ROUGHNESS, 0.0, translucence, 0.0);
     let seen = hdr_pixel(shade(material, in.world, normal, -normalize(from_eye)), vec3<f32>(0.0), from_eye);
     return vec4<f32>(seen.radiance.rgb, leaf.cover);
 }

@@ -58,7 +58,7 @@ const VARIANTS: u32 = 3;
 /// Level of detail of a tree.
 #[derive(Clone, Copy)]
 enum TreeDetail {
-    /// Sprays of leaves around a dark inside.
+    /// Sprays of leaves, or boughs of twigs with needles, around a dark inside.
     Near,
     /// Leaf clumps and branches; faces around the trunk.
     Clumps(CrownDetail, u32),
@@ -115,8 +115,7 @@ impl TreePrototypes {
             for (detail, error_m) in COARSER {
                 object.add_level(grown(detail), error_m);
             }
-            // Spruces have none.
-            if !has_close_ups || kind == TreeKind::Spruce {
+            if !has_close_ups {
                 return object;
             }
             let mesh = grown(TreeDetail::Near);

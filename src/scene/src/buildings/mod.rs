@@ -4,6 +4,7 @@
 mod church;
 mod entrance;
 mod roof;
+mod roof_plant;
 mod side;
 mod style;
 mod trimmings;
@@ -62,7 +63,7 @@ pub(super) fn building(
     if gabled {
         roof::gable_roof([mesh, trim], &ring, (eaves, rise), &style, place);
     } else {
-        roof::flat_roof(mesh, place, &ring, eaves);
+        roof::flat_roof([mesh, trim], place, &ring, eaves);
     }
     if church::is_one(&name) {
         sides.iter().for_each(|side| storeys(mesh, side, &style, (eaves, false), None));

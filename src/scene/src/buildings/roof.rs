@@ -1,18 +1,16 @@
-//! Flat roofs with parapets and plant, gabled roofs with chimneys.
+//! Flat roofs with parapets, gabled roofs with chimneys.
 
-use super::super::grounds::distance_to;
+use super::super::SeededScenery;
 use super::super::mesh::{Finish, Mesh, Surface};
 use super::super::polygon::Region;
 use super::super::roads::level;
-use super::super::{SeededScenery, special};
-use super::style::{BARE_BRICK, DARK, FLAT_ROOF, Style, TRIM, wall};
-use super::trimmings;
-use city3d_roadmap::Footprint;
+use super::style::{BARE_BRICK, FLAT_ROOF, Style, TRIM, wall};
+use super::{roof_plant, trimmings};
 use glam::{Vec2, Vec3};
 
 const PARAPET_M: f32 = 0.55;
 
-pub(super) fn flat_roof(mesh: &mut Mesh, place: &SeededScenery<'_>, ring: &[Vec2], eaves: f32) {
+pub(super) fn flat_roof([mesh, trim]: [&mut Mesh; 2], place: &SeededScenery<'_>, ring: &[Vec2], eaves: f32) {
     let plan: Vec<_> = ring.iter().map(|p| p.as_dvec2()).collect();
     level(mesh, &Region::simple(&plan), eaves, FLAT_ROOF, 3.0);
     let top = eaves + PARAPET_M;
@@ -25,28 +23,7 @@ pub(super) fn flat_roof(mesh: &mut Mesh, place: &SeededScenery<'_>, ring: &[Vec2
     for pair in profile.windows(2) {
         sharp_band(mesh, ring, [pair[0], pair[1]], TRIM);
     }
-    // Plant on the roof.
-    let centre = ring.iter().copied().sum::<Vec2>() / ring.len() as f32;
-    let yaw = (ring[1] - ring[0]).to_angle();
-    let edge = Footprint::Polyline(plan.iter().copied().chain(plan.first().copied()).collect());
-    for k in 0..3 {
-        if place.hash_to_unit(20 + k) < 0.6 {
-            let corner = ring[k as usize % ring.len()];
-            let at = centre.lerp(corner, 0.25 + 0.3 * place.hash_to_unit(30 + k));
-            let size = Vec3::new(
-                1.0 + 1.6 * place.hash_to_unit(40 + k),
-                1.0 + place.hash_to_unit(50 + k),
-                0.7 + 0.9 * place.hash_to_unit(60 + k),
-            );
-            // Roof plant stays inside the parapet and clear of towers.
-            let reach = size.truncate().length() / 2.0 + 0.3;
-            let has_room = distance_to(&edge, at.as_dvec2()) > f64::from(reach);
-            let spire = special::spire_reach(&place.piece.name.to_lowercase(), ring);
-            if has_room && spire.is_none_or(|spire| at.distance(centre) > reach + spire) {
-                mesh.block(at.extend(eaves), size, yaw, DARK.shaded(1.9));
-            }
-        }
-    }
+    roof_plant::plant([mesh, trim], place, ring, eaves);
 }
 
 /// A band along a ring with mitred corners: profile points are (outwards, height).

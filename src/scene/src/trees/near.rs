@@ -11,16 +11,16 @@ const INSIDE: f32 = 0.66;
 const INSIDE_FACES: [u32; 2] = [6, 3];
 const INSIDE_TONE: f32 = 0.74;
 const INSIDE_OPEN: f32 = 0.70;
-/// Length of a spray, and what is added for a clump of half width 1; its width as a share, as in `foliage.wgsl`.
+/// Length of a spray, and what is added for a clump of half width 1; its width as a share, as in `sprays.wgsl`.
 const SPRAY_M: [f32; 2] = [0.12, 0.19];
 const SPRAY_WIDE: f32 = 0.86;
 /// Area of all sprays of a clump as a share of its surface.
 const COVER: f32 = 1.12;
-/// Texture coordinates from which on a leaf is on a spray, which has one cell of them, as in `foliage.wgsl`; and cells to a side.
-const SPRAY_UV: f32 = 1024.0;
+/// Texture coordinates from which on a leaf is on a spray, which has one cell of them, as in `sprays.wgsl`; and cells to a side.
+pub(super) const SPRAY_UV: f32 = 1024.0;
 const SPRAY_CELLS: f32 = 64.0;
 /// How much of its cell a spray takes, so that its corners are in no other one.
-const INSIDE_CELL: f32 = 0.98;
+pub(super) const INSIDE_CELL: f32 = 0.98;
 /// Where sprays begin and how far out they may, as shares of the radius of a clump.
 const FEET: [f32; 2] = [0.60, 0.34];
 /// Twigs at the end of a branch.
@@ -38,7 +38,7 @@ struct Spray {
 }
 
 /// A cell by two numbers from 0 to 1.
-fn cell(across: f32, up: f32) -> Vec2 {
+pub(super) fn cell(across: f32, up: f32) -> Vec2 {
     (Vec2::new(across, up) * SPRAY_CELLS).floor() + SPRAY_UV
 }
 
@@ -231,6 +231,6 @@ mod tests {
             assert!(near.mesh.triangle_count() > usual.mesh.triangle_count());
             looked += 1;
         }
-        assert_eq!(looked, 12);
+        assert_eq!(looked, shapes.len());
     }
 }

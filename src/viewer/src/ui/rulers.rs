@@ -17,7 +17,8 @@ const LEAST: Vec2 = Vec2::new(320.0, 240.0);
 /// Height of the sign that the past is shown.
 const PAST_SIGN: f32 = 40.0;
 const COLOUR: Color32 = Color32::from_gray(235);
-const GROUND: Color32 = Color32::from_black_alpha(150);
+/// Dark enough that labels of vehicles behind it do not run into its letters.
+const GROUND: Color32 = Color32::from_black_alpha(225);
 
 fn has_room(rect: Rect) -> bool {
     rect.width() >= LEAST.x && rect.height() >= LEAST.y

@@ -2,7 +2,7 @@
 
 use crate::ui::runs::{RunEntry, has_run};
 use city3d_logbook::measures::RunMeasures;
-use city3d_simulation::scenario::counted;
+use city3d_simulation::scenario::{Experiment, counted};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, SystemTime};
 
@@ -23,7 +23,8 @@ pub fn recorded_runs<'a>(folders: impl Iterator<Item = &'a Path>, now: SystemTim
         let since = now.duration_since(written).unwrap_or_default();
         let of = RunFolder::of(&folder);
         let measures = RunMeasures::read(&folder).ok();
-        let conditions = measures.as_ref().map(|of| conditions_of(of.seed, &of.environment));
+        let conditions =
+            measures.as_ref().map(|of| conditions_of(of.seed, &of.environment, of.ideal_but_for_lab));
         RunEntry {
             name: of.name(conditions),
             outcome: measures.map_or_else(String::new, |of| outcome(&of)),
@@ -47,17 +48,18 @@ fn outcome(of: &RunMeasures) -> String {
     }
 }
 
-/// Seed and environment of a run.
-fn conditions_of(seed: u64, environment: &str) -> String {
+/// Seed and environment of a run, shorter than [`RunMeasures::conditions`].
+fn conditions_of(seed: u64, environment: &str, ideal_but_for_lab: bool) -> String {
     match environment {
         "" => format!("seed {seed}"),
+        _ if ideal_but_for_lab => format!("seed {seed}, {environment} but lab vehicles"),
         _ => format!("seed {seed}, {environment}"),
     }
 }
 
-/// Name of the run in a folder, with its seed and environment.
-pub fn named(folder: &Path, (seed, environment): (u64, &str)) -> String {
-    RunFolder::of(folder).name(Some(conditions_of(seed, environment)))
+/// Name of a run of an experiment in a folder, with its seed and environment.
+pub fn named(folder: &Path, of: &Experiment) -> String {
+    RunFolder::of(folder).name(Some(conditions_of(of.seed, of.environment_name(), of.is_ideal_but_for_lab())))
 }
 
 fn find(folder: &Path, depth: usize, found: &mut Vec<(SystemTime, PathBuf)>) {

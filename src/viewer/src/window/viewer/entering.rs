@@ -315,9 +315,8 @@ impl ViewerState {
         let folder = self.run_state().folder.clone();
         let present = self.lists.runs.iter_mut().find(|run| Some(&run.folder) == folder.as_ref());
         if let Some(run) = present.filter(|run| !run.has_summary) {
-            let of = &self.experiment;
             "goes on in this window".clone_into(&mut run.age);
-            run.name = recorded_runs::named(&run.folder, (of.seed, of.environment_name()));
+            run.name = recorded_runs::named(&run.folder, &self.experiment);
         }
     }
 
