@@ -177,9 +177,9 @@ impl TreePrototypes {
         let few = levels.iter().find(|level| level.mesh.triangle_count() <= detail.triangles);
         let Some(level) = few.or(levels.last()) else { return };
         let tone = if detail.is_in_wood { WOOD_TONE } else { 1.0 };
-        if detail.triangles <= TENT_SIDES {
+        if detail.triangles <= TENT {
             let tinted = |finish: Finish| choice.tinted(finish).shaded(tone);
-            return add_tent(mesh, &level.mesh, city_from_tree, detail.stands_for_many, tinted);
+            return add_tent(mesh, (&level.mesh, seed), city_from_tree, detail.stands_for_many, tinted);
         }
         let turn = Mat3::from(city_from_tree.matrix3).inverse().transpose();
         let base = mesh.vertices.len() as u32;
@@ -225,17 +225,22 @@ impl Growth {
     }
 }
 
-/// Sides of a tent, the least that stands for a tree.
-pub(super) const TENT_SIDES: usize = 5;
+/// Triangles of a tent, the least that stands for a tree.
+pub(super) const TENT: usize = 7;
 
-/// Sides of the canopy of a group of trees, and the radius of its top as a share.
+/// Sides of a conifer's tent, of another crown's, and of the canopy of a group of trees.
+const CONE_SIDES: usize = 5;
+const LUMP_SIDES: usize = 3;
 const CANOPY_SIDES: usize = 4;
-const CANOPY_TOP: f32 = 0.72;
+/// Radius of the top of a lump or a canopy as a share, and how much lower than the highest of its corners others are.
+const LUMP_TOP: f32 = 0.72;
+const LUMP_UNEVEN: f32 = 0.34;
 
-/// Adds a tent as wide and high as a tree, or a canopy with a flat top: far away a crown is a few pixels.
+/// Adds a tent as wide and high as a tree: a cone for a conifer, a lump for another crown, a broader one for the canopy of many
+/// trees. Far away a crown is a few pixels.
 fn add_tent(
     mesh: &mut Mesh,
-    tree: &Mesh,
+    (tree, seed): (&Mesh, u32),
     city_from_tree: &Affine3A,
     is_canopy: bool,
     tinted: impl Fn(Finish) -> Finish,
@@ -255,23 +260,34 @@ fn add_tent(
             ..*leaf
         })
     };
-    let sides = if is_canopy { CANOPY_SIDES } else { TENT_SIDES };
-    let mut ring = |radius: f32, z: f32, up: f32| -> Vec<u32> {
-        let at = |k: usize| Vec2::from_angle(std::f32::consts::TAU * k as f32 / sides as f32);
-        (0..sides).map(|k| corner((radius * at(k)).extend(z), at(k).extend(up))).collect()
+    let is_cone = leaf.finish.surface == Surface::Needles && !is_canopy;
+    let sides = match (is_canopy, is_cone) {
+        (true, _) => CANOPY_SIDES,
+        (false, true) => CONE_SIDES,
+        (false, false) => LUMP_SIDES,
     };
-    let rim = ring(radius, low, 0.35);
-    if is_canopy {
-        let top = ring(CANOPY_TOP * radius, high, 2.0);
-        for k in 0..sides {
-            let next = (k + 1) % sides;
-            mesh.indices.extend([rim[k], rim[next], top[next], rim[k], top[next], top[k]]);
-        }
-        (2..sides).for_each(|k| mesh.indices.extend([top[0], top[k - 1], top[k]]));
-    } else {
+    let at = |turn: f32| Vec2::from_angle(TAU * turn / sides as f32);
+    let rim: Vec<u32> =
+        (0..sides).map(|k| corner((radius * at(k as f32)).extend(low), at(k as f32).extend(0.35))).collect();
+    if is_cone {
         let top = corner(Vec3::new(0.0, 0.0, high), Vec3::Z);
         (0..sides).for_each(|k| mesh.indices.extend([top, rim[k], rim[(k + 1) % sides]]));
+        return;
     }
+    // Corners of the top are between those of the rim, each of its own height, so that no two crowns are alike.
+    let top: Vec<u32> = (0..sides)
+        .map(|k| {
+            let across = at(k as f32 + 0.5);
+            let lower = if k == 0 { 0.0 } else { LUMP_UNEVEN * super::hash_to_unit(seed, 110 + k as u32) };
+            let place = (LUMP_TOP * radius * across).extend(high - lower * (high - low));
+            corner(place, across.extend(1.3))
+        })
+        .collect();
+    for k in 0..sides {
+        let next = (k + 1) % sides;
+        mesh.indices.extend([rim[k], rim[next], top[k], rim[next], top[next], top[k]]);
+    }
+    (2..sides).for_each(|k| mesh.indices.extend([top[0], top[k - 1], top[k]]));
 }
 
 /// How a tree of the country is drawn: at the finest level with at most so many triangles, or as a tent.

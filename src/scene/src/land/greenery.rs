@@ -2,7 +2,7 @@
 //! levels of detail of those in the town, put together in tiles with levels of detail of their own.
 
 use super::super::mesh::Mesh;
-use super::super::trees::{CountryTreeDetail, Habit, TENT_SIDES, TreePrototypes};
+use super::super::trees::{CountryTreeDetail, Habit, TENT, TreePrototypes};
 use super::super::{LodMesh, SceneObject, TreeShade, hash_to_unit};
 use super::country_roads::{CountryRoad, VERGE_M};
 use super::farms::Farm;
@@ -17,7 +17,7 @@ use std::f32::consts::TAU;
 /// Edges of tiles, the units of culling, from these distances from the town on: houses hide small ones as a whole.
 const TILES_M: [(f64, f64); 3] = [(1400.0, 208.0), (560.0, 104.0), (0.0, 52.0)];
 /// Levels of detail: triangles of a tree at most, and how far what is drawn may be from the finest.
-const LEVELS: [(usize, f32); 4] = [(74, 0.0), (30, 0.6), (16, 1.7), (TENT_SIDES, 2.4)];
+const LEVELS: [(usize, f32); 4] = [(74, 0.0), (30, 0.6), (16, 1.7), (TENT, 2.4)];
 /// Woods keep to this share of those errors: their crowns hide one another.
 const WOOD_SHARE: f32 = 0.9;
 /// Coarser levels of woods: one crown stands for all in one of so many by so many parts of a tile. Its error as a share of
@@ -333,7 +333,7 @@ impl Greenery<'_> {
                 (one.foot.truncate().as_dvec2(), f64::from(BROADEST * one.radius_m) + OFF_VERGE_M);
             let is_clear = self.roads.iter().all(|road| road.clearance_m(at, room_m) > room_m);
             let crowns = if is_clear { std::slice::from_ref(&one) } else { &group[..] };
-            crowns.iter().for_each(|crown| self.draw(&mut mesh, crown, TENT_SIDES));
+            crowns.iter().for_each(|crown| self.draw(&mut mesh, crown, TENT));
         }
         mesh
     }

@@ -10,8 +10,8 @@ use super::woods::Woods;
 use city3d_geometry::point_in_polygon;
 use glam::{DVec2, Vec2};
 use rustc_hash::FxHashMap;
-use spade::Triangulation;
-use spade::handles::FixedVertexHandle;
+use spade::handles::{FaceHandle, FixedFaceHandle, FixedVertexHandle, InnerTag};
+use spade::{CdtEdge, Triangulation};
 
 /// Distances of the rings of corners beyond the patchwork from the town, and where the land ends.
 const RINGS_M: [f64; 7] = [1700.0, 2050.0, 2550.0, 3150.0, 3850.0, 4700.0, 5800.0];
@@ -38,6 +38,28 @@ enum Cover {
     Wood,
     Common,
     Far,
+}
+
+type Face<'p> = FaceHandle<'p, InnerTag, Spot, (), CdtEdge<()>, ()>;
+
+/// What a triangle is, beside what its neighbours are: where no line parts it from two that are alike, it is a wedge of something
+/// else in them, for it reaches across a boundary that had no room.
+fn without_wedge(
+    face: &Face<'_>,
+    own: Cover,
+    cover_of: impl Fn(FixedFaceHandle<InnerTag>) -> Option<Cover>,
+) -> Cover {
+    let grows = |cover: Cover| matches!(cover, Cover::Field(_) | Cover::Wood);
+    if !grows(own) {
+        return own;
+    }
+    let open = face.adjacent_edges().into_iter().filter(|edge| !edge.is_constraint_edge());
+    let beside: Vec<Cover> = open
+        .filter_map(|edge| cover_of(edge.rev().face().as_inner()?.fix()))
+        .filter(|&cover| grows(cover) && cover != own)
+        .collect();
+    let is_common = |cover: &&Cover| beside.iter().filter(|other| other == cover).count() > 1;
+    beside.iter().find(is_common).copied().unwrap_or(own)
 }
 
 /// The ground of the land.
@@ -186,24 +208,30 @@ impl LandSheet<'_> {
         }
     }
 
-    fn mesh_of(&self, plan: &Plan) -> Mesh {
+    /// What a triangle of the plan is; nothing within the town.
+    fn cover_of(&self, face: &Face<'_>) -> Option<Cover> {
         let [low, high] = self.relief.town;
         let town = [low, DVec2::new(high.x, low.y), high, DVec2::new(low.x, high.y)];
+        let corners = face.vertices().map(|corner| corner.data().at);
+        let middle = corners.iter().sum::<DVec2>() / 3.0;
+        if point_in_polygon(middle, &town) {
+            return None;
+        }
+        Some(match self.cover_at(middle) {
+            Cover::Road if self.reaches_out(middle, corners) => Cover::Verge,
+            cover => cover,
+        })
+    }
+
+    fn mesh_of(&self, plan: &Plan) -> Mesh {
         let mut mesh = Mesh::default();
         let mut known: FxHashMap<(FixedVertexHandle, Cover), u32> = FxHashMap::default();
+        let covers: FxHashMap<_, _> =
+            plan.inner_faces().filter_map(|face| Some((face.fix(), self.cover_of(&face)?))).collect();
         for face in plan.inner_faces() {
-            let corners = face.vertices();
-            let middle = corners.iter().map(|corner| corner.data().at).sum::<DVec2>() / 3.0;
-            if point_in_polygon(middle, &town) {
-                continue;
-            }
-            let cover = match self.cover_at(middle) {
-                Cover::Road if self.reaches_out(middle, corners.map(|corner| corner.data().at)) => {
-                    Cover::Verge
-                }
-                cover => cover,
-            };
-            for corner in corners {
+            let Some(&own) = covers.get(&face.fix()) else { continue };
+            let cover = without_wedge(&face, own, |other| covers.get(&other).copied());
+            for corner in face.vertices() {
                 let index = *known
                     .entry((corner.fix(), cover))
                     .or_insert_with(|| mesh.vertex(self.vertex(*corner.data(), cover)));
