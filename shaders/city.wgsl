@@ -96,11 +96,14 @@ fn wet_pbr(m: PbrMaterial, world: vec3<f32>, wet: f32) -> PbrMaterial {
     return out;
 }
 
+// Contrast of the stones and stains of asphalt: at eye height more of it is noise.
+const ASPHALT_CONTRAST: f32 = 0.62;
+
 // Brightness of the broad pattern of asphalt between which puddles begin.
 const PUDDLES: vec2<f32> = vec2<f32>(0.575, 0.665);
 
 // Emissive strength of name boards at night, times their colour.
-const BOARD_EMISSION: f32 = 0.55;
+const BOARD_EMISSION: f32 = 0.22;
 
 fn is_shop(layer: u32) -> bool {
     return layer == SHOPFRONT || layer == BOUTIQUE || layer == TEAROOM;
@@ -335,6 +338,9 @@ fn lit_pixel(in: Fragment) -> HdrPixel {
         normal = near.normal;
     }
     pattern *= tone;
+    if layer == ASPHALT || layer == LANE {
+        pattern = mix(mean_texel(layer).rgb, pattern, ASPHALT_CONTRAST);
+    }
     var m: PbrMaterial;
     m.albedo = pattern * in.colour.rgb;
     var daylit = vec3<f32>(0.0);

@@ -16,6 +16,11 @@ const EDGE: f32 = 0.12;
 // Share of the longest ray over which reflections fade out, and of the thickness of what a ray has passed behind.
 const END: f32 = 0.35;
 const PASSED: f32 = 0.4;
+// A ray that passes behind something within so many metres of its start, and at most so far behind it, is under it or inside of
+// it: it meets what the picture does not show, which is dark, for no sky is seen there.
+const UNDER_M: f32 = 1.6;
+const UNDER_BEHIND_M: f32 = 5.0;
+const UNDER_DARK: f32 = 0.85;
 // Weaker reflections are not seen.
 const LEAST: f32 = 0.004;
 
@@ -54,10 +59,24 @@ fn step_shift(pixel: vec2<i32>) -> f32 {
     return fract(52.9829189 * fract(dot(at, vec2<f32>(0.06711056, 0.00583715))));
 }
 
-// Share of a ray at which it meets a surface; negative where it meets none.
-fn meets(place: TilePixel, ray: Ray) -> f32 {
+// How far along a ray in the camera frame a share of it is, metres.
+fn metres_on(ray: Ray, share: f32, climb: f32) -> f32 {
+    return abs(depth_on(ray, share) - 1.0 / ray.inverse.x) / climb;
+}
+
+// Where a ray ends.
+struct Meeting {
+    // Share of it at which it meets a surface; negative where it meets none.
+    share: f32,
+    // Whether it is soon under or inside of something.
+    is_under: bool,
+}
+
+// `climb` is the depth that a metre of the ray covers.
+fn meets(place: TilePixel, ray: Ray, climb: f32) -> Meeting {
     let shift = step_shift(place.pixel);
     var before = 0.0;
+    var is_under = false;
     for (var k = 1u; k <= reflection_steps; k++) {
         // Short steps at first: what is near is mirrored in detail.
         let part = (f32(k) - shift) / f32(reflection_steps);
@@ -77,12 +96,14 @@ fn meets(place: TilePixel, ray: Ray) -> f32 {
                 }
             }
             if is_surface(behind(place, ray, high), depth_on(ray, high)) {
-                return high;
+                return Meeting(high, is_under);
             }
         }
+        is_under = is_under
+            || (excess > 0.0 && excess < UNDER_BEHIND_M && metres_on(ray, share, climb) < UNDER_M);
         before = share;
     }
-    return -1.0;
+    return Meeting(-1.0, is_under);
 }
 
 fn mean_radiance(place: TilePixel, pixel: vec2<i32>) -> vec3<f32> {
@@ -101,7 +122,9 @@ fn fragment_main(in: Tile) -> @location(0) vec4<f32> {
     let place = tile_pixel(in);
     let mirror = mirror_at(place.origin + place.pixel, 0u);
     let here = surface_at(place, place.pixel);
-    if mirror.a < LEAST || here.depth <= 0.0 {
+    // The depth of glass is that of what is behind it: no ray starts there.
+    let is_behind_glass = radiance_at(place.origin + place.pixel, 0u).a < 0.0;
+    if mirror.a < LEAST || here.depth <= 0.0 || is_behind_glass {
         return vec4<f32>(0.0);
     }
     let normal = normal_at(place, here);
@@ -124,9 +147,12 @@ fn fragment_main(in: Tile) -> @location(0) vec4<f32> {
         array<vec2<f32>, 2>(ray.pixels[0], mix(ray.pixels[0], ray.pixels[1], part)),
         vec2<f32>(ray.inverse.x, mix(ray.inverse.x, ray.inverse.y, part)),
     );
-    let share = meets(place, cut);
+    let climb = max(abs(direction.z), 0.02);
+    let met = meets(place, cut, climb);
+    let share = met.share;
     if share < 0.0 {
-        return vec4<f32>(0.0, 0.0, 0.0, mirror.a);
+        let dark = select(0.0, UNDER_DARK, met.is_under);
+        return vec4<f32>(-dark * mirror.rgb, mirror.a);
     }
     let found = pixel_on(cut, share);
     let at = vec2<f32>(found) / view.extent.xy;
@@ -135,7 +161,7 @@ fn fragment_main(in: Tile) -> @location(0) vec4<f32> {
     let forward = smoothstep(-0.35, 0.0, direction.z);
     // A ray that ends, or that passes behind an edge, fades out before it does.
     let depth = depth_on(cut, share);
-    let metres = abs(depth - start.z) / max(abs(direction.z), 0.02);
+    let metres = abs(depth - start.z) / climb;
     let ending = 1.0 - smoothstep(1.0 - END, 1.0, metres / REACH_M);
     let excess = behind(place, cut, share) / (THICKNESS_M + THICKNESS_PER_M * depth);
     let passed = 1.0 - smoothstep(1.0 - PASSED, 1.0, excess);

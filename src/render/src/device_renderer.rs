@@ -171,7 +171,7 @@ impl DeviceRenderer {
             signals: (!scene.signals.is_empty())
                 .then(|| SignalPass::new(device, attachments, &frame.layout, &scene.signals)),
             post_process: (!vertex_lit)
-                .then(|| PostProcess::new(device, attachments, quality, &frame.layout)),
+                .then(|| PostProcess::new(device, attachments, &settings, &frame.layout)),
             ground_truth: None,
             overlay: None,
             static_scene: StaticScene::new(device, geometry),

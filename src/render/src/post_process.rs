@@ -7,7 +7,7 @@ use super::passes::display::{DisplayPass, MEAN_FORMAT};
 use super::passes::occlusion::{self, OcclusionPass};
 use super::passes::reflection::{self, ReflectionPass};
 use super::passes::tiles::Tiles;
-use super::settings::Quality;
+use super::settings::Settings;
 
 /// Pipelines of the post-processing passes.
 #[derive(Debug)]
@@ -39,12 +39,13 @@ impl PostProcess {
     pub(super) fn new(
         device: &wgpu::Device,
         attachments: Attachments,
-        quality: Quality,
+        settings: &Settings,
         frame: &wgpu::BindGroupLayout,
     ) -> Self {
+        let Settings { quality, .. } = *settings;
         let occlusion =
             (quality.ssao_samples > 0).then(|| OcclusionPass::new(device, attachments, quality, frame));
-        let steps = quality.reflection_steps;
+        let steps = settings.reflection_steps();
         let reflection = attachments.reflects.then(|| ReflectionPass::new(device, attachments, steps, frame));
         let mut display = DisplayPass::new(device, attachments, quality);
         display.prepare_pipeline(device, frame, attachments.display_format);

@@ -23,6 +23,8 @@ pub struct Quality {
     pub ssao_samples: u32,
     /// Reflections in screen space (SSR): steps of a ray; 0 switches them off. They need light per pixel.
     pub reflection_steps: u32,
+    /// The same where rain has made the ground wet, if that is more.
+    pub wet_reflection_steps: u32,
     /// Contact shadows of the sun in screen space: steps of a ray; 0 switches them off. They need [`Self::ssao_samples`].
     pub contact_steps: u32,
     /// Temporal anti-aliasing of pictures that are read back: so many pictures, shifted by parts of a pixel, are
@@ -58,6 +60,7 @@ impl Quality {
         detail: false,
         ssao_samples: 6,
         reflection_steps: 0,
+        wet_reflection_steps: 0,
         contact_steps: 0,
         jitter_samples: 0,
         shadow_texels: 2048,
@@ -86,6 +89,7 @@ impl Quality {
         detail: true,
         ssao_samples: 10,
         reflection_steps: 0,
+        wet_reflection_steps: 40,
         contact_steps: 0,
         jitter_samples: 0,
         shadow_texels: 4096,
@@ -102,6 +106,7 @@ impl Quality {
         detail: false,
         ssao_samples: 0,
         reflection_steps: 0,
+        wet_reflection_steps: 0,
         contact_steps: 0,
         jitter_samples: 0,
         shadow_texels: 2048,
@@ -144,6 +149,13 @@ pub struct Settings {
 }
 
 impl Settings {
+    /// Steps of a ray of a reflection in the weather; 0 without reflections.
+    pub(super) fn reflection_steps(&self) -> u32 {
+        let Quality { reflection_steps, wet_reflection_steps, .. } = self.quality;
+        let is_wet = weather::wetness(self.weather) >= 1.0;
+        if is_wet { reflection_steps.max(wet_reflection_steps) } else { reflection_steps }
+    }
+
     /// Light of the time of day in the weather.
     pub(super) fn light(&self) -> Light {
         weather::light_in(self.weather, self.daylight.light())

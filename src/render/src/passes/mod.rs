@@ -52,7 +52,7 @@ impl Attachments {
         let vertex_lit = settings.quality.vertex_lit;
         let format = if vertex_lit { display_format } else { HDR_FORMAT };
         let (samples, is_flat) = (settings.quality.samples, settings.flat.is_some());
-        let reflects = !vertex_lit && settings.quality.reflection_steps > 0;
+        let reflects = !vertex_lit && settings.reflection_steps() > 0;
         Self { format, display_format, samples, reflects, vertex_lit, is_flat }
     }
 

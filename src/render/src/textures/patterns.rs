@@ -46,14 +46,29 @@ pub(super) fn pattern(layer: u8, size: u32) -> Vec<u8> {
         l if l == Surface::Metal as u8 => |_| ([1.0; 3], 0.7),
         _ => |_| ([1.0; 3], 1.0),
     };
+    // Outlines of signs run across texels: each is the mean of several points.
+    let points = if layer == Surface::Signs as u8 { 3 } else { 1 };
     let mut texels = Vec::with_capacity((size * size * 4) as usize);
     for y in 0..size {
         for x in 0..size {
-            let (colour, dull) = draw([x, y].map(|k| (k as f32 + 0.5) / size as f32));
+            let (colour, dull) = mean_of(draw, [x, y].map(|k| k * points), points, size * points);
             texels.extend(colour.iter().chain([&dull]).map(|c| (c.clamp(0.0, 1.0) * 255.0 + 0.5) as u8));
         }
     }
     texels
+}
+
+/// Mean of a square of points, whose corner is this one of a lattice.
+fn mean_of(draw: fn([f32; 2]) -> Texel, corner: [u32; 2], points: u32, lattice: u32) -> Texel {
+    let (mut colour, mut dull) = ([0.0; 3], 0.0);
+    for k in 0..points * points {
+        let point = [corner[0] + k % points, corner[1] + k / points];
+        let (own, own_dull) = draw(point.map(|k| (k as f32 + 0.5) / lattice as f32));
+        colour = std::array::from_fn(|c| colour[c] + own[c]);
+        dull += own_dull;
+    }
+    let count = (points * points) as f32;
+    (colour.map(|c| c / count), dull / count)
 }
 
 pub(super) fn grey(level: f32) -> Texel {

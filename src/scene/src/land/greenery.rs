@@ -197,7 +197,8 @@ impl Greenery<'_> {
             if inside < 0.0 || !self.is_free(at, 0.8 * spacing_m) {
                 return None;
             }
-            let is_conifer = noise(at / 240.0, 67) > 0.62;
+            // One that stands for many would be a pyramid.
+            let is_conifer = spacing_m <= SPACING_M[0] && noise(at / 240.0, 67) > 0.62;
             let habit = if is_conifer { Habit::Conifers } else { Habit::Broadleaved };
             let broad = if is_conifer { 0.48 } else { 0.57 } + 0.16 * (f64::from(hash_at(node, 68)) - 0.5);
             // Lower towards the edge.

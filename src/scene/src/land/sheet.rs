@@ -25,6 +25,8 @@ const BESIDE_ROAD_M: f64 = 4.0;
 /// So far inside of a wood its ground begins: the trees at its edge hide the edge of that.
 const UNDER_TREES: f64 = 0.006;
 const FOREST_FLOOR: Finish = Finish { colour: [76, 88, 50], ..GRASS };
+/// How often wedges are looked for: some are of several triangles.
+const WEDGE_PASSES: usize = 4;
 /// Colour of woods beyond the patchwork.
 const FAR_WOOD: [f32; 3] = [58.0, 76.0, 48.0];
 
@@ -226,11 +228,17 @@ impl LandSheet<'_> {
     fn mesh_of(&self, plan: &Plan) -> Mesh {
         let mut mesh = Mesh::default();
         let mut known: FxHashMap<(FixedVertexHandle, Cover), u32> = FxHashMap::default();
-        let covers: FxHashMap<_, _> =
+        let mut covers: FxHashMap<_, _> =
             plan.inner_faces().filter_map(|face| Some((face.fix(), self.cover_of(&face)?))).collect();
+        for _ in 0..WEDGE_PASSES {
+            let cleared = plan.inner_faces().filter_map(|face| {
+                let own = *covers.get(&face.fix())?;
+                Some((face.fix(), without_wedge(&face, own, |other| covers.get(&other).copied())))
+            });
+            covers = cleared.collect();
+        }
         for face in plan.inner_faces() {
-            let Some(&own) = covers.get(&face.fix()) else { continue };
-            let cover = without_wedge(&face, own, |other| covers.get(&other).copied());
+            let Some(&cover) = covers.get(&face.fix()) else { continue };
             for corner in face.vertices() {
                 let index = *known
                     .entry((corner.fix(), cover))

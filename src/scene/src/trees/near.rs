@@ -7,22 +7,22 @@ use glam::{Vec2, Vec3};
 use std::f32::consts::{PI, TAU};
 
 /// What is dark inside: its size as a share of the clumps, faces around and up, brightness and openness as shares.
-const INSIDE: f32 = 0.66;
+const INSIDE: f32 = 0.50;
 const INSIDE_FACES: [u32; 2] = [6, 3];
-const INSIDE_TONE: f32 = 0.74;
-const INSIDE_OPEN: f32 = 0.70;
+const INSIDE_TONE: f32 = 0.92;
+const INSIDE_OPEN: f32 = 0.80;
 /// Length of a spray, and what is added for a clump of half width 1; its width as a share, as in `sprays.wgsl`.
 const SPRAY_M: [f32; 2] = [0.12, 0.19];
 const SPRAY_WIDE: f32 = 0.86;
 /// Area of all sprays of a clump as a share of its surface.
-const COVER: f32 = 1.12;
+const COVER: f32 = 1.60;
 /// Texture coordinates from which on a leaf is on a spray, which has one cell of them, as in `sprays.wgsl`; and cells to a side.
 pub(super) const SPRAY_UV: f32 = 1024.0;
 const SPRAY_CELLS: f32 = 64.0;
 /// How much of its cell a spray takes, so that its corners are in no other one.
 pub(super) const INSIDE_CELL: f32 = 0.98;
 /// Where sprays begin and how far out they may, as shares of the radius of a clump.
-const FEET: [f32; 2] = [0.60, 0.34];
+const FEET: [f32; 2] = [0.40, 0.54];
 /// Twigs at the end of a branch.
 const TWIGS: u32 = 2;
 
