@@ -31,6 +31,10 @@ const NEAR_SHARE: f32 = 0.45;
 const NEAR_MAX_RADIUS: f32 = 0.085;
 const NEAR_BRIGHTNESS: f32 = 0.55;
 const NEAR_M: vec2<f32> = vec2<f32>(18.0, 70.0);
+// In fog the radius of a glow is this many times as large, with a limit of its own, and its centre less bright.
+const FOG_WIDER: f32 = 2.8;
+const FOG_MAX_RADIUS: f32 = 0.42;
+const FOG_BRIGHTNESS: f32 = 0.5;
 // Depth offset towards the eye: housing, pole or body lie less than this in front of the lens, metres.
 const HOUSING: f32 = 0.45;
 // Below a lamp the body of its vehicle is nearer to the eye by less than this, metres.
@@ -61,6 +65,12 @@ fn vertex_main(in: VertexIn) -> Fragment {
         wanted *= mix(NEAR_SHARE, 1.0, far);
         largest = NEAR_MAX_RADIUS;
         bright = mix(NEAR_BRIGHTNESS, 1.0, far);
+    }
+    // Fog, which wets the ground a little, scatters light far around a lamp.
+    if frame.shadow_texel.z > 0.0 && frame.shadow_texel.z < 0.9 {
+        wanted *= FOG_WIDER;
+        largest = min(largest * FOG_WIDER, FOG_MAX_RADIUS);
+        bright *= FOG_BRIGHTNESS;
     }
     let radius = clamp(wanted, MIN_RADIUS, largest);
     let fainter = min(wanted / MIN_RADIUS, 1.0);

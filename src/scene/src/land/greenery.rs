@@ -292,9 +292,11 @@ impl Greenery<'_> {
             (true, true) => 0.32,
         };
         let CountryTree { at, seed, habit, in_wood, .. } = *tree;
-        let radius_m = tree.radius_m as f32;
+        // Conifers are spires, not pyramids.
+        let [wide, high] = if habit == Habit::Conifers { [0.66, 1.25] } else { [1.0, 1.0] };
+        let radius_m = tree.radius_m as f32 * wide;
         let slim = if in_wood { 0.80 } else { 0.64 };
-        let tall_m = radius_m * (slim + 0.30 * hash_to_unit(seed, 76)) * low;
+        let tall_m = tree.radius_m as f32 * (slim + 0.30 * hash_to_unit(seed, 76)) * low * high;
         // Below the ground, which is level between its corners only; the trees of a wood hide their trunks.
         let sunk_m = if in_wood { 0.95 * tall_m } else { 0.3 };
         let foot = at.as_vec2().extend(self.ground_m(at) - sunk_m);
