@@ -128,7 +128,8 @@ fn glass_fragment(in: Fragment) -> @location(0) vec4<f32> {
     let to_eye = -normalize(from_eye);
     let normal = normalize(in.normal);
     let n_v = max(dot(normal, to_eye), 1e-3);
-    let fresnel = 0.05 + 0.90 * pow5(1.0 - n_v);
+    // Less than of a perfect plane: seen along a flank, proud panes would be a bright fringe.
+    let fresnel = 0.05 + 0.60 * pow5(1.0 - n_v);
     var radiance = reflected_radiance(in.world, reflect(-to_eye, normal), 0.02) * fresnel;
     let n_l = dot(normal, frame.to_sun.xyz);
     if n_l > 0.0 {

@@ -87,7 +87,8 @@ const DUSK_ELEVATION_DEG: f32 = -3.0;
 /// Key frames of the light by elevation of the sun, degrees, ascending. Sun, sky and zenith of the day are those of the
 /// model of Hosek and Wilkie (2012, 2013) for a clear sky, the sky less what a street does not see of it
 /// (`docs/reference.md`). Sun and sky of a low sun, and the sky of dusk, are moved halfway to grey of the same luminance, as by
-/// the white balance of a camera: the tone mapping curve deepens colours of the dark.
+/// the white balance of a camera: the tone mapping curve deepens colours of the dark. The sky of the day is moved a third of the
+/// way, and has a twelfth more for what sunlit streets throw back into the shade.
 const KEY_FRAMES: [(f32, Light); 4] = [
     (
         -12.0,
@@ -151,7 +152,7 @@ const KEY_FRAMES: [(f32, Light); 4] = [
         Light {
             to_sun: Vec3::Z,
             sun: [3.13, 2.78, 2.18],
-            sky: [0.24, 0.34, 0.56],
+            sky: [0.295, 0.36, 0.495],
             ground: [0.37, 0.35, 0.29],
             zenith: [0.14, 0.27, 0.56],
             haze_srgb: [0.81, 0.87, 0.90],

@@ -55,7 +55,8 @@ fn overcast(clear: Light, cover: f32, [brightness, town_glow]: [f32; 2]) -> Ligh
     // At night the lamps of the town light clouds from below.
     let darkness = ((0.30 - luminance(clear.haze_srgb)) / 0.18).clamp(0.0, 1.0);
     let grey = towards_grey(clear.haze_srgb, cover).map(|channel| channel * brightness);
-    let horizon: [f32; 3] = std::array::from_fn(|k| grey[k] + TOWN_GLOW_SRGB[k] * (town_glow * darkness * cover));
+    let horizon: [f32; 3] =
+        std::array::from_fn(|k| grey[k] + TOWN_GLOW_SRGB[k] * (town_glow * darkness * cover));
     let above = horizon.map(|channel| channel * 0.86);
     let sky =
         towards_grey(clear.sky, 0.75 * cover).map(|channel| channel * (1.0 - 0.4 * cover) + 0.35 * scattered);

@@ -2,13 +2,14 @@
 
 use super::chart::{ChartLine, Dash, Figure, LegendEntry, LineStyle, PALETTE, Panel};
 use super::labels::conditions;
-use super::run::Trace;
+use super::run::{Trace, TraceSample};
 use super::style::{STYLES, distinct_styles};
 use super::table::{TidyTable, number};
 use city3d_geometry::KMH_PER_MPS;
 use city3d_roadmap::LaneId;
-use city3d_simulation::measures::SIGHT_M;
+use city3d_simulation::measures::{LaneFinder, SIGHT_M};
 use city3d_simulation::scenario::Experiment;
+use glam::DVec2;
 use std::collections::{BTreeMap, BTreeSet};
 
 /// A leader farther ahead than this is not followed, city metres.
@@ -235,28 +236,52 @@ pub(super) fn lane_starts(trace: &Trace, experiment: &Experiment) -> BTreeMap<La
 /// Gap to the next vehicle ahead on the lanes of a trace at each of its samples, city metres.
 fn gaps(trace: &Trace, all: &[Trace], experiment: &Experiment) -> Vec<(f64, f64)> {
     let starts = lane_starts(trace, experiment);
+    let finder = LaneFinder::new(&experiment.city_map);
     let mut gaps = vec![f64::NAN; trace.samples.len()];
     for other in all.iter().filter(|other| other.id != trace.id) {
+        let mut stations = stations(other).peekable();
         let mut next = 0;
-        for station in stations(other).filter(|station| starts.contains_key(&station.lane)) {
-            let time_s = other.samples[station.sample].time_s;
-            while trace.samples.get(next).is_some_and(|sample| sample.time_s < time_s - 1e-6) {
+        for (sample, state) in other.samples.iter().enumerate() {
+            let station = stations.next_if(|station| station.sample == sample);
+            while trace.samples.get(next).is_some_and(|own| own.time_s < state.time_s - 1e-6) {
                 next += 1;
             }
-            let is_same = trace.samples.get(next).is_some_and(|sample| (sample.time_s - time_s).abs() < 1e-6);
-            let own_m = trace.track.stations_m.get(next).filter(|_| is_same);
-            let Some(_) = own_m.filter(|own_m| own_m.is_finite()) else { continue };
+            let own = trace.samples.get(next).filter(|own| (own.time_s - state.time_s).abs() < 1e-6);
+            let is_on_lane = trace.track.stations_m.get(next).is_some_and(|own_m| own_m.is_finite());
+            let Some(own) = own.filter(|_| is_on_lane) else { continue };
             let own_front_m = trace.front_m(next);
-            for start_m in &starts[&station.lane] {
-                let gap_m = start_m + station.front_m - other.dimensions.length_m - own_front_m;
-                let is_ahead = gap_m > -other.dimensions.length_m && gap_m < FOLLOWED_M;
+            let length_m = other.dimensions.length_m;
+            let mut count = |rear_m: f64| {
+                let gap_m = rear_m - own_front_m;
+                let is_ahead = gap_m > -length_m && gap_m < FOLLOWED_M;
                 if is_ahead && (gaps[next].is_nan() || gap_m < gaps[next]) {
                     gaps[next] = gap_m;
                 }
+            };
+            match station.filter(|station| starts.contains_key(&station.lane)) {
+                Some(station) => {
+                    starts[&station.lane]
+                        .iter()
+                        .for_each(|start_m| count(start_m + station.front_m - length_m));
+                }
+                None if own.pose.position.distance(state.pose.position) < FOLLOWED_M => {
+                    let on_lanes = |at: DVec2| finder.lanes_under(&experiment.city_map, at);
+                    ends(state, length_m).into_iter().for_each(|end| {
+                        for (lane, at_m, _) in on_lanes(end) {
+                            starts.get(&lane).into_iter().flatten().for_each(|start_m| count(start_m + at_m));
+                        }
+                    });
+                }
+                None => {}
             }
         }
     }
     trace.samples.iter().map(|sample| sample.time_s).zip(gaps).collect()
+}
+
+/// Rear and front of a vehicle, which may be in the way of others while its axles are on a lane of its own.
+fn ends(state: &TraceSample, length_m: f64) -> [DVec2; 2] {
+    [-0.5, 0.5].map(|share| state.pose.point_at(share * length_m, 0.0))
 }
 
 /// The lanes of a trace, sample by sample.
@@ -519,8 +544,7 @@ mod tests {
             let Some(leader) = place.and_then(|place| place.leader) else { continue };
             let gap_m = leader.following.gap_m;
             let (_, charted_m) = *gaps(trace, traces, experiment).last().unwrap();
-            // Who is about to merge is on the way of others by its pose before it is on their lanes.
-            if gap_m > 0.9 * FOLLOWED_M || !is_on_route(leader.vehicle, traces, route) {
+            if gap_m > 0.9 * FOLLOWED_M {
                 continue;
             }
             let time_s = snapshot.time_s;
@@ -528,12 +552,6 @@ mod tests {
             checked += 1;
         }
         checked
-    }
-
-    /// Whether a vehicle is on one of these lanes now.
-    fn is_on_route(id: VehicleId, traces: &[Trace], route: &[LaneId]) -> bool {
-        let trace = traces.iter().find(|trace| trace.id == id).unwrap();
-        stations(trace).last().is_some_and(|station| route.contains(&station.lane))
     }
 
     #[test]

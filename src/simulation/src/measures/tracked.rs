@@ -113,7 +113,7 @@ impl OpenPassage {
 }
 
 /// A parked vehicle that has driven farther is one no longer, city metres: who strikes it pushes it less far.
-const PARKED_MOVES_M: f64 = 10.0;
+pub(crate) const PARKED_MOVES_M: f64 = 10.0;
 /// A route is at its end this close to it, laboratory metres.
 const END_M: f64 = 0.1;
 

@@ -85,11 +85,17 @@ impl LaneFinder {
 
     /// The nearest lane under a point, whichever way it leads, within half its width.
     pub fn lane_under(&self, map: &CityMap, point: DVec2) -> Option<(LaneId, f64)> {
+        let under = self.lanes_under(map, point).into_iter().min_by(|a, b| a.2.total_cmp(&b.2));
+        under.map(|(lane, at_m, _)| (lane, at_m))
+    }
+
+    /// All lanes under a point, within half their width: where along each it is, and how far beside its centre line.
+    pub fn lanes_under(&self, map: &CityMap, point: DVec2) -> Vec<(LaneId, f64, f64)> {
         let under = self.lanes.near(point, ON_LANE_M).into_iter().filter_map(|lane| {
             let (foot, lane) = (map.lane(lane).curve.project(point), map.lane(lane));
             (foot.distance <= lane.width_m / 2.0).then_some((lane.id, foot.s, foot.distance))
         });
-        under.min_by(|a, b| a.2.total_cmp(&b.2)).map(|(lane, at_m, _)| (lane, at_m))
+        under.collect()
     }
 
     /// Map matching of a single pose: the lane that fits best in place and direction, of the route where one does.

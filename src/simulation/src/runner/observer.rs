@@ -2,9 +2,9 @@
 //! measures of traffic, and those who come and go.
 
 use super::inflow_totals::InflowObserver;
-use crate::measures::TrafficMeasures;
+use crate::measures::{PARKED_MOVES_M, TrafficMeasures};
 use crate::scenario::{Experiment, PlannedVehicle};
-use city3d_control::Mainframe;
+use city3d_control::{Mainframe, PARKED};
 use city3d_estimation::{MotionSample, StandstillChange, StandstillDetector};
 use city3d_geometry::{OrientedRect, trig};
 use city3d_protocol::snapshot::{
@@ -96,6 +96,7 @@ struct RouteProgress {
     route: Vec<LaneId>,
     /// How often the control framework has changed the route.
     reroutes: u32,
+    is_parked: bool,
     /// Index of the lane under the front axle, and the arc length at which it begins.
     index: usize,
     lane_start_s: f64,
@@ -291,7 +292,8 @@ impl Observer {
 impl RouteProgress {
     fn planned(vehicle: &PlannedVehicle) -> Self {
         let route = vehicle.route.clone();
-        Self { route, ..Self::new(vehicle.id, &vehicle.name, &vehicle.spec.dimensions) }
+        let is_parked = vehicle.controller == PARKED;
+        Self { route, is_parked, ..Self::new(vehicle.id, &vehicle.name, &vehicle.spec.dimensions) }
     }
 
     fn new(id: VehicleId, name: &str, size: &Dimensions) -> Self {
@@ -300,6 +302,7 @@ impl RouteProgress {
             name: name.to_owned(),
             route: Vec::new(),
             reroutes: 0,
+            is_parked: false,
             index: 0,
             lane_start_s: 0.0,
             front_axle_m: size.front_axle_m(),
@@ -345,8 +348,9 @@ impl RouteProgress {
         if state.status == Status::Unseen {
             return;
         }
-        // Who has arrived or collided waits for nothing.
-        if matches!(state.status, Status::Finished | Status::Collided) {
+        // Who has arrived or collided waits for nothing, nor does who is parked.
+        let is_obstacle = self.is_parked && self.totals.distance_m.abs() < PARKED_MOVES_M;
+        if is_obstacle || matches!(state.status, Status::Finished | Status::Collided) {
             self.stand = StandstillDetector::default();
             return;
         }

@@ -178,7 +178,9 @@ pub fn meaning(status: Status) -> &'static str {
             "Set up; waits for the start, or for its first trajectory. A speed in parentheses is the one that it starts with"
         }
         Status::Driving => "Under way on its trajectory; the inspector says what limits its speed",
-        Status::Yielding => "Gives way at a yield line, or to a vehicle with the right of way",
+        Status::Yielding => {
+            "Gives way at a yield line, or to a vehicle with the right of way, and has been held by that for 0.4 s on end"
+        }
         Status::Stopped => "Stopped: behind others, at a line, or where a person left it off the lanes",
         Status::Manual => "A person drives",
         Status::LinkLost => "No command for longer than the link timeout: it brakes to a stop on its path",
