@@ -102,6 +102,9 @@ const ASPHALT_CONTRAST: f32 = 0.62;
 // Brightness of the broad pattern of asphalt between which puddles begin.
 const PUDDLES: vec2<f32> = vec2<f32>(0.575, 0.665);
 
+// Parked cars have numbers from this one on, other than those of the vehicles that move.
+const PARKED_FROM: u32 = 300u;
+
 // Emissive strength of name boards at night, times their colour.
 const BOARD_EMISSION: f32 = 0.22;
 
@@ -343,6 +346,9 @@ fn lit_pixel(in: Fragment) -> HdrPixel {
     }
     var m: PbrMaterial;
     m.albedo = pattern * in.colour.rgb;
+    if layer == NUMBER {
+        m.albedo = number_on_plate(in.uv, uv_dx, registration_number(PARKED_FROM + in.seed));
+    }
     var daylit = vec3<f32>(0.0);
     let is_glazing = layer == GLAZING;
     if is_glazing || layer == WINDOWS || (layer >= SASH && layer <= BALCONY) {

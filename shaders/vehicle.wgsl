@@ -4,12 +4,15 @@ struct VertexIn {
     @location(0) position: vec3<f32>,
     @location(1) normal: vec4<f32>,
     @location(2) colour: vec4<f32>,
+    // Squares of the lettering on a number plate.
+    @location(3) uv: vec2<f32>,
     // Part, roughness, metallic: a byte each.
     @location(4) material: u32,
     // City from body, by rows.
     @location(5) row_x: vec4<f32>,
     @location(6) row_y: vec4<f32>,
     @location(7) row_z: vec4<f32>,
+    // w: number of the vehicle.
     @location(8) paint: vec4<f32>,
     // Brake, left indicator, right indicator, reverse.
     @location(9) lamps: vec4<f32>,
@@ -23,6 +26,9 @@ struct Fragment {
     @location(3) glow: vec3<f32>,
     // Roughness, metallic, share of light that clear glass absorbs, 1 for paint.
     @location(4) @interpolate(flat) finish: vec4<f32>,
+    @location(5) square: vec2<f32>,
+    // Of the number plate, where its digits are; 0 elsewhere.
+    @location(6) @interpolate(flat) number: u32,
 }
 
 // Albedo of the whitest paint.
@@ -92,6 +98,8 @@ fn vertex_main(in: VertexIn) -> Fragment {
         select(ABSORBED.x, select(ABSORBED.y, ABSORBED.z, rough > TINTED_FROM), part == GLASS),
         select(0.0, 1.0, part == PAINT),
     );
+    out.square = in.uv;
+    out.number = select(0u, registration_number(u32(in.paint.w)), part == NUMBER);
     // Running lights by day leave the lamp behind its glass to be seen.
     let is_by_day = frame.zenith.w <= 0.0;
     out.glow = surface.glow * select(1.0, RUNNING_LIGHT, part == HEAD && is_by_day);
@@ -111,6 +119,10 @@ fn reflecting_fragment(in: Fragment) -> HdrPixel {
 fn lit_pixel(in: Fragment) -> HdrPixel {
     var m: PbrMaterial;
     m.albedo = in.albedo.rgb;
+    let square_dx = vec4<f32>(dpdx(in.square), dpdy(in.square));
+    if in.number > 0u {
+        m.albedo = number_on_plate(in.square, square_dx, in.number);
+    }
     m.openness = in.albedo.a;
     m.roughness = in.finish.x;
     m.metallic = in.finish.y;

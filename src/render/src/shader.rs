@@ -29,6 +29,7 @@ const FOLIAGE: ShaderFile = shader_file!("foliage.wgsl");
 const HASH: ShaderFile = shader_file!("hash.wgsl");
 const SPRAYS: ShaderFile = shader_file!("sprays.wgsl");
 const ROOMS: ShaderFile = shader_file!("rooms.wgsl");
+const NUMBER: ShaderFile = shader_file!("number.wgsl");
 const CITY: ShaderFile = shader_file!("city.wgsl");
 const VEHICLE: ShaderFile = shader_file!("vehicle.wgsl");
 const CONTACT: ShaderFile = shader_file!("contact.wgsl");
@@ -102,8 +103,10 @@ impl Shader {
 
     fn parts(self) -> &'static [ShaderFile] {
         match self {
-            Self::City => &[COMMON, LIGHT, VERTEX_LIT, HASH, GROUND_DETAIL, SPRAYS, FOLIAGE, ROOMS, CITY],
-            Self::Vehicle => &[COMMON, LIGHT, VERTEX_LIT, VEHICLE],
+            Self::City => {
+                &[COMMON, LIGHT, VERTEX_LIT, HASH, GROUND_DETAIL, SPRAYS, FOLIAGE, ROOMS, NUMBER, CITY]
+            }
+            Self::Vehicle => &[COMMON, LIGHT, VERTEX_LIT, NUMBER, VEHICLE],
             Self::Contact => &[COMMON, CONTACT],
             Self::Standing => &[COMMON, STANDING],
             Self::Glow => &[COMMON, GLOW],
@@ -191,6 +194,7 @@ fn surface_constants() -> String {
         ("LANTERN", Surface::Lantern),
         ("BOUTIQUE", Surface::Boutique),
         ("TEAROOM", Surface::Tearoom),
+        ("NUMBER", Surface::Number),
         ("SLABS", Surface::Slabs),
         ("SETTS", Surface::Setts),
         ("CONCRETE", Surface::Concrete),
@@ -226,6 +230,7 @@ fn vehicle_part_constants() -> String {
         ("REVERSE", VehiclePart::Reverse),
         ("BRIGHT", VehiclePart::Bright),
         ("LENS", VehiclePart::Lens),
+        ("NUMBER", VehiclePart::Number),
     ];
     parts.map(|(name, part)| format!("const {name}: u32 = {}u;\n", part as u32)).concat()
 }

@@ -84,11 +84,14 @@ pub enum Surface {
     Boutique,
     /// [`Self::Shopfront`] with tables behind it.
     Tearoom,
+    /// The digits on the number plate of a vehicle, in texture coordinates that count squares of the lettering: they are
+    /// computed, and its layer is plain.
+    Number,
 }
 
 impl Surface {
     /// Number of surfaces: layers of the texture array.
-    pub const COUNT: usize = Self::Tearoom as usize + 1;
+    pub const COUNT: usize = Self::Number as usize + 1;
 
     /// Whether it is a shop-front bay of any kind.
     pub fn is_shopfront(self) -> bool {

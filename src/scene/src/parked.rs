@@ -30,6 +30,7 @@ fn finish_of(part: &MeshPrimitive) -> Finish {
     let (surface, colour) = match part.material.name.split('.').next().unwrap_or_default() {
         "paint" => (Surface::CarPaint, [255, 255, 255]),
         "glass" => (Surface::Glass, [255, 255, 255]),
+        "number" => (Surface::Number, colour),
         name if name.starts_with("indicator") => (Surface::Plain, [150, 84, 30]),
         _ if part.material.metallic > 0.5 => (Surface::Metal, colour),
         _ => (Surface::Plain, colour),
@@ -49,7 +50,7 @@ fn add<'a>(
         mesh.vertices.extend(part.vertices.iter().map(|v| Vertex {
             position: place(v.position),
             normal: turn(v.normal),
-            uv: v.position.truncate(),
+            uv: if finish.surface == Surface::Number { v.uv } else { v.position.truncate() },
             finish,
             openness: v.openness,
         }));

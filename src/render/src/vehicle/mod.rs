@@ -33,6 +33,8 @@ pub(super) enum VehiclePart {
     Bright = 8,
     /// Clear cover of a lamp.
     Lens = 9,
+    /// The digits on a number plate.
+    Number = 10,
 }
 
 impl VehiclePart {
@@ -57,6 +59,7 @@ impl VehiclePart {
             "paint" => Self::Paint,
             "glass" => Self::Glass,
             "lens" => Self::Lens,
+            "number" => Self::Number,
             "head" => Self::Head,
             "tail" => Self::Tail,
             "indicator_left" => Self::IndicatorLeft,
@@ -92,7 +95,7 @@ impl VehicleMesh {
                 position: v.position.to_array(),
                 normal: pack_normal(v.normal),
                 colour: [r, g, b, v.openness],
-                uv: [0.0; 2],
+                uv: v.uv.to_array(),
                 material,
             }));
             mesh.indices.extend(part.indices.iter().map(|k| k + base));

@@ -92,6 +92,13 @@ impl PrimitiveBuilder {
         }
     }
 
+    /// Adds a flat face like [`Self::plate`], with texture coordinates.
+    pub fn mapped_plate(&mut self, corners: [(Vec3, Vec2); 4], face_material: StaticMaterial, openness: u8) {
+        self.plate(&corners.map(|(position, _)| position), face_material, openness);
+        let added = self.part(face_material).vertices.iter_mut().rev().take(corners.len());
+        added.zip(corners.iter().rev()).for_each(|(vertex, (_, uv))| vertex.uv = *uv);
+    }
+
     /// Adds a closed box.
     pub fn block(&mut self, low: Vec3, high: Vec3, face_material: StaticMaterial, openness: u8) {
         let at = |k: usize| {

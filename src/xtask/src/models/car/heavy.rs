@@ -249,6 +249,7 @@ pub(super) fn body(builder: &mut PrimitiveBuilder, shape: &HeavyShape, detail: C
             wells(builder, shape);
             heavy_close::trim(builder, shape);
             heavy_trim::trim(builder, shape);
+            heavy_trim::registrations(builder, shape);
         }
         CarDetail::Far => {
             side_windows(builder, shape, detail);
@@ -347,33 +348,35 @@ pub(super) fn on_side(
     builder.plate(&corners, face_material, 240);
 }
 
+/// A place on the front (1) or the rear (-1), so far proud of it.
+pub(super) fn end_at(shape: &HeavyShape, (facing, out): (f32, f32), y: f32, z: f32) -> Vec3 {
+    let corner = CORNERS_M[usize::from(facing > 0.0)];
+    let section = shape.at(z);
+    let x = if facing > 0.0 {
+        // Along the bowed front and around its corners.
+        let flat = section.half - corner;
+        let f = (y.abs() / flat).min(1.0);
+        let beyond = ((y.abs() - flat) / corner).clamp(0.0, 1.0);
+        section.front - 0.05 * f * f - corner * (1.0 - (1.0 - beyond * beyond).sqrt())
+    } else if shape.is_truck {
+        -shape.length / 2.0 + 0.012
+    } else {
+        section.rear
+    };
+    Vec3::new(x + facing * out, y, z)
+}
+
 /// A quad on the front (1) or the rear (-1), proud of it: y and z of its edges.
 pub(super) fn on_end(
     builder: &mut PrimitiveBuilder,
     shape: &HeavyShape,
-    (facing, out): (f32, f32),
+    end: (f32, f32),
     [y, z]: [[f32; 2]; 2],
     face_material: StaticMaterial,
 ) {
-    let corner = CORNERS_M[usize::from(facing > 0.0)];
-    let at = |y: f32, z: f32| {
-        let section = shape.at(z);
-        let x = if facing > 0.0 {
-            // Along the bowed front and around its corners.
-            let flat = section.half - corner;
-            let f = (y.abs() / flat).min(1.0);
-            let beyond = ((y.abs() - flat) / corner).clamp(0.0, 1.0);
-            section.front - 0.05 * f * f - corner * (1.0 - (1.0 - beyond * beyond).sqrt())
-        } else if shape.is_truck {
-            -shape.length / 2.0 + 0.012
-        } else {
-            section.rear
-        };
-        Vec3::new(x + facing * out, y, z)
-    };
-    let y = if facing > 0.0 { y } else { [y[1], y[0]] };
-    let corners = [at(y[0], z[0]), at(y[1], z[0]), at(y[1], z[1]), at(y[0], z[1])];
-    builder.plate(&corners, face_material, 240);
+    let y = if end.0 > 0.0 { y } else { [y[1], y[0]] };
+    let corners = [(y[0], z[0]), (y[1], z[0]), (y[1], z[1]), (y[0], z[1])];
+    builder.plate(&corners.map(|(y, z)| end_at(shape, end, y, z)), face_material, 240);
 }
 
 /// Windows along the sides, frames around them, and doors.

@@ -1,9 +1,9 @@
 //! Trim of a bus or truck: lamps, mirrors, the box of the truck, plates, wipers and joints.
 
-use super::heavy::{HeavyShape, on_end, on_side};
+use super::heavy::{HeavyShape, end_at, on_end, on_side};
 use super::{
     CHROME, CarDetail, GRILLE, HEAD, INDICATOR, PAINT, PLASTIC, PLATE, PrimitiveBuilder, REVERSE, SEAM,
-    StaticMaterial, TAIL, WELL, WIPER,
+    StaticMaterial, TAIL, WELL, WIPER, trim,
 };
 use glam::Vec3;
 
@@ -178,12 +178,27 @@ fn chamfered(
     builder.plate(&rear, face_material, 240);
 }
 
+/// Half the width of a number plate.
+const PLATE_HALF_M: f32 = 0.26;
+/// The number plates: front (1) or rear (-1) and how proud of it, and z of their edges.
+const PLATES: [((f32, f32), [f32; 2]); 2] = [((1.0, 0.012), [0.44, 0.55]), ((-1.0, 0.014), [0.62, 0.73])];
+
+/// Letters and digits on the number plates.
+pub(super) fn registrations(builder: &mut PrimitiveBuilder, shape: &HeavyShape) {
+    for ((facing, out), z) in PLATES {
+        let [low, high] = z.map(|z| end_at(shape, (facing, out), PLATE_HALF_M, z));
+        // Upright, before the whole of a plate that leans.
+        let x = facing * (facing * low.x).max(facing * high.x) + facing * 0.002;
+        trim::registration(builder, facing, Vec3::new(x, 0.0, (low.z + high.z) / 2.0));
+    }
+}
+
 /// Number plates, wipers, joints of the bumper, and the display of a bus.
 pub(super) fn trim(builder: &mut PrimitiveBuilder, shape: &HeavyShape) {
     let hull = &shape.hull;
-    on_end(builder, shape, (1.0, 0.012), [[-0.26, 0.26], [0.44, 0.55]], PLATE);
-    let rear_plate = if shape.is_truck { [0.62, 0.73] } else { [0.62, 0.74] };
-    on_end(builder, shape, (-1.0, 0.014), [[-0.26, 0.26], rear_plate], PLATE);
+    for (end, z) in PLATES {
+        on_end(builder, shape, end, [[-PLATE_HALF_M, PLATE_HALF_M], z], PLATE);
+    }
     let joint = hull.rows[2].z + 0.06;
     for [a, b] in [[-0.9, -0.45], [-0.45, 0.0], [0.0, 0.45], [0.45, 0.9]] {
         on_end(builder, shape, (1.0, 0.004), [[a, b], [joint, joint + 0.012]], SEAM);

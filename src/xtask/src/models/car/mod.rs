@@ -43,6 +43,8 @@ pub(super) const WELL: StaticMaterial = StaticMaterial::new("well", [14, 14, 15]
 pub(super) const GRILLE: StaticMaterial = StaticMaterial::new("grille", [20, 20, 22]).rough(0.5);
 pub(super) const CHROME: StaticMaterial = StaticMaterial::new("chrome", [190, 194, 198]).metal().rough(0.2);
 pub(super) const PLATE: StaticMaterial = StaticMaterial::new("number_plate", [226, 226, 220]);
+/// The digits on a number plate: as grey as plate and ink are in the mean, where no shader draws them.
+pub(super) const NUMBER: StaticMaterial = StaticMaterial::new("number", [160, 160, 155]);
 pub(super) const HEAD: StaticMaterial = StaticMaterial::new("head", [214, 220, 226]).rough(0.1);
 pub(super) const TAIL: StaticMaterial = StaticMaterial::new("tail", [98, 8, 10]).rough(0.2);
 pub(super) const REVERSE: StaticMaterial = StaticMaterial::new("reverse", [132, 130, 128]).rough(0.2);

@@ -2,11 +2,11 @@
 
 use super::shape::{CarShape, Rear};
 use super::{
-    CHROME, CarDetail, HALF_M, LENGTH_M, PAINT, PLASTIC, PLATE, PrimitiveBuilder, SEAM, StaticMaterial, TAIL,
-    WHEEL_RADIUS_M, WHEELBASE_M, WIDTH_M,
+    CHROME, CarDetail, HALF_M, LENGTH_M, NUMBER, PAINT, PLASTIC, PLATE, PrimitiveBuilder, SEAM,
+    StaticMaterial, TAIL, WHEEL_RADIUS_M, WHEELBASE_M, WIDTH_M,
 };
 use super::{body, close, wheel};
-use glam::Vec3;
+use glam::{Vec2, Vec3};
 
 /// Of a taxi's sign.
 const SIGN: StaticMaterial = StaticMaterial::new("sign", [244, 226, 150]).rough(0.5);
@@ -211,44 +211,32 @@ fn number_plates(builder: &mut PrimitiveBuilder, shape: &CarShape, detail: CarDe
             // On the plate, wherever the end below it is.
             let x = end_before(shape, facing, [z, z + HIGH_M]) + PROUD_M + 0.002;
             let middle = Vec3::new(facing * x, 0.0, z + HIGH_M / 2.0);
-            registration(builder, &registration_of(shape.name), facing, middle);
+            registration(builder, facing, middle);
         }
     }
 }
 
-/// Letters and digits of the plates, of three by five squares, by rows.
-const GLYPHS: [(char, [&str; 5]); 13] = [
-    ('C', ["###", "#  ", "#  ", "#  ", "###"]),
-    ('D', ["## ", "# #", "# #", "# #", "## "]),
-    (' ', ["  ", "  ", "  ", "  ", "  "]),
-    ('0', ["###", "# #", "# #", "# #", "###"]),
-    ('1', [" # ", "## ", " # ", " # ", "###"]),
-    ('2', ["###", "  #", "###", "#  ", "###"]),
-    ('3', ["###", "  #", " ##", "  #", "###"]),
-    ('4', ["# #", "# #", "###", "  #", "  #"]),
-    ('5', ["###", "#  ", "###", "  #", "###"]),
-    ('6', ["###", "#  ", "###", "# #", "###"]),
-    ('7', ["###", "  #", "  #", " # ", " # "]),
-    ('8', ["###", "# #", "###", "# #", "###"]),
-    ('9', ["###", "# #", "###", "  #", "###"]),
-];
+/// Edge of a square of the lettering on number plates.
+const SQUARE_M: f32 = 0.0145;
+/// Squares along the lettering: three letters, a space, and as wide as the letters three digits, a square between each two.
+const COLUMNS: f32 = 26.0;
+/// Squares along and up the three digits.
+const DIGITS: Vec2 = Vec2::new(11.0, 5.0);
+/// The letters, of three by five squares.
+const LETTERS: [&str; 5] = ["### ### ## ", "#     # # #", "#    ## # #", "#     # # #", "### ### ## "];
 
-/// The registration of a kind of car.
-fn registration_of(name: &str) -> String {
-    let sum = name.bytes().fold(7_u32, |sum, letter| sum.wrapping_mul(31).wrapping_add(letter.into()));
-    format!("C3D {}", 100 + sum % 900)
-}
-
-/// Lettering of the plates.
-fn registration(builder: &mut PrimitiveBuilder, text: &str, facing: f32, middle: Vec3) {
-    const SQUARE_M: f32 = 0.0145;
-    let rows: [String; 5] = std::array::from_fn(|row| {
-        let glyph =
-            |letter| GLYPHS.iter().find(|(known, _)| *known == letter).map_or("", |(_, rows)| rows[row]);
-        text.chars().map(glyph).collect::<Vec<_>>().join(" ")
+/// Lettering of a number plate. Every vehicle has a number of its own, so a shader draws the digits, in texture coordinates
+/// that count squares.
+pub(super) fn registration(builder: &mut PrimitiveBuilder, facing: f32, middle: Vec3) {
+    let (right, up) = (Vec3::Y * (facing * SQUARE_M), Vec3::Z * SQUARE_M);
+    let off_middle = (COLUMNS - DIGITS.x) / 2.0;
+    lettering(builder, &LETTERS, SEAM, middle - right * off_middle, right);
+    let corners = [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)].map(|(u, v)| {
+        let uv = DIGITS * Vec2::new(u, v);
+        let off = uv - DIGITS / 2.0;
+        (middle + right * (off_middle + off.x) + up * off.y, uv)
     });
-    let rows = rows.each_ref().map(String::as_str);
-    lettering(builder, &rows, SEAM, middle, Vec3::Y * (facing * SQUARE_M));
+    builder.mapped_plate(corners, NUMBER, 240);
 }
 
 /// Lettering made of squares: one to the right is at `right`, the middle of all at `middle`.
