@@ -25,6 +25,19 @@ const ROWS: [(f32, f32); 8] = [
     (0.92, 0.938),
     (1.0, 0.885),
 ];
+/// The same of the flanks of a van along its load: upright, a little bowed.
+const BOX_ROWS: [(f32, f32); 8] = [
+    (0.0, 0.945),
+    (0.07, 0.976),
+    (0.15, 0.990),
+    (0.36, 0.992),
+    (0.60, 0.997),
+    (0.76, 1.0),
+    (0.92, 0.985),
+    (1.0, 0.958),
+];
+/// Where on a van these flanks become those of a car.
+const BOX_TO_M: [f32; 2] = [1.0, 1.75];
 const NEAR_ROWS: [f32; 7] = [0.0, 0.15, 0.36, 0.60, 0.76, 0.92, 1.0];
 /// Close rows on both sides of an edge keep it sharp.
 const CLOSE_ROWS: [f32; 16] =
@@ -79,11 +92,6 @@ pub(super) enum ShellColumn {
     End(f32, f32),
 }
 
-pub(super) fn half_at(x: f32) -> f32 {
-    let out = (x.abs() / (LENGTH_M / 2.0)).min(1.0);
-    HALF_M * (1.0 - 0.03 * out.powi(3) - 0.10 * ((out - 0.72).max(0.0) / 0.28).powi(2))
-}
-
 /// What the round shoulder adds to the flat one between its edges.
 fn rounding(t: f32) -> f32 {
     let [low, high] = ROUND_SHOULDER;
@@ -100,6 +108,25 @@ fn profile(rows: &[(f32, f32)], t: f32) -> f32 {
 impl CarShape {
     pub(super) fn shoulder_at(&self, x: f32) -> f32 {
         along(self.shoulder, x)
+    }
+
+    /// Half the width of the sheet metal at x.
+    pub(super) fn half_at(&self, x: f32) -> f32 {
+        let out = (x.abs() / (LENGTH_M / 2.0)).min(1.0);
+        // A load wants room up to the rear doors.
+        let corner = if self.rear == Rear::Cargo && x < 0.0 { 0.05 } else { 0.10 };
+        HALF_M * (1.0 - 0.03 * out.powi(3) - corner * ((out - 0.72).max(0.0) / 0.28).powi(2))
+    }
+
+    /// How much the flanks are those of a box at x.
+    pub(super) fn boxiness(&self, x: f32) -> f32 {
+        if self.rear == Rear::Cargo { 1.0 - smoothstep(BOX_TO_M, x) } else { 0.0 }
+    }
+
+    /// Half the width of the shell at x and a row, as part of the most there.
+    fn flank(&self, x: f32, t: f32) -> f32 {
+        let usual = profile(&ROWS, t) + rounding(t);
+        usual + (profile(&BOX_ROWS, t) - usual) * self.boxiness(x)
     }
 
     /// The outermost x on an end at a part of its half width and a row.
@@ -125,7 +152,7 @@ impl CarShape {
         // Towards the ends the side leans with the front and the rear.
         let lean = ((x.abs() - 1.95) / (reach - 1.95)).clamp(0.0, 1.0);
         let x = x + lean * (self.end_x(facing, 1.0, part) - facing * reach);
-        Vec3::new(x, half_at(x) * (profile(&ROWS, part) + rounding(part)), z)
+        Vec3::new(x, self.half_at(x) * self.flank(x, part), z)
     }
 
     /// A point of the bonnet (`facing` 1) or boot (-1) that starts at x `foot`: share of the way to the end,
@@ -478,7 +505,7 @@ fn bed(builder: &mut PrimitiveBuilder, shape: &CarShape) {
     const WALL_M: f32 = 0.07;
     let (front, rear) = (shape.cabin.stations[0] + 0.04, -LENGTH_M / 2.0 + 0.10);
     let (high, low) = (shape.shoulder_at(-1.6) - 0.005, 0.72);
-    let outer = half_at(-1.6) * profile(&ROWS, 1.0) + 0.01;
+    let outer = shape.half_at(-1.6) * profile(&ROWS, 1.0) + 0.01;
     let inner = outer - WALL_M;
     let inside = [(rear + WALL_M, -inner), (rear + WALL_M, inner), (front, inner), (front, -inner)];
     let outside = [(rear - 0.08, -outer), (rear - 0.08, outer), (front, outer), (front, -outer)];

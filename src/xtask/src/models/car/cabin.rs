@@ -2,8 +2,8 @@
 
 use super::shape::{CarShape, Rear};
 use super::{
-    CarDetail, DASHBOARD, GLASS, PAINT, PLASTIC, PrimitiveBuilder, SEAM, StaticMaterial, TINTED, WIPER, body,
-    close,
+    CarDetail, DASHBOARD, GLASS, HALF_M, PAINT, PLASTIC, PrimitiveBuilder, SEAM, StaticMaterial, TINTED,
+    WIPER, body, close,
 };
 use glam::Vec3;
 
@@ -37,6 +37,10 @@ fn stations(shape: &CarShape, detail: CarDetail) -> Vec<CabinStation> {
         if rear_glass > rear_roof && rear_glass < pillar {
             all.push(station(rear_glass));
         }
+        if shape.rear == Rear::Cargo {
+            // Where the flanks begin to turn inwards.
+            all.push(station(-1.8));
+        }
         all.extend([station(pillar - 0.06), station(pillar + 0.06)]);
     } else if shape.rear == Rear::Cargo {
         all.push(station(pillar));
@@ -48,8 +52,10 @@ fn stations(shape: &CarShape, detail: CarDetail) -> Vec<CabinStation> {
 fn section(shape: &CarShape, station: &CabinStation, bulge: f32, detail: CarDetail) -> Vec<Vec3> {
     let x = station.x;
     let base = shape.shoulder_at(x) - 0.012;
-    let wide = body::half_at(x) * 0.875;
-    let roof_half = shape.cabin.roof_half * if station.at_foot { 1.06 } else { 1.0 };
+    let (half, boxiness) = (shape.half_at(x), shape.boxiness(x));
+    // From shoulder to roof the flanks of a box are nearly upright, and follow those below along its length.
+    let wide = half * (0.875 + 0.091 * boxiness);
+    let roof_half = shape.cabin.roof_half * (1.0 + boxiness * (half / HALF_M - 1.0));
     let top = if station.at_foot { wide * 0.94 } else { roof_half };
     let high = match (station.at_foot, detail) {
         (false, _) => station.roof,
@@ -61,7 +67,7 @@ fn section(shape: &CarShape, station: &CabinStation, bulge: f32, detail: CarDeta
     // The sides curve inwards towards the roof.
     let rows = [
         // Well under the shoulders of the shell, so that no slit is left between them.
-        (body::half_at(x) * 0.92, base - 0.09),
+        (half * (0.92 + 0.052 * boxiness), base - 0.09),
         (wide + (top - wide) * 0.06, base + 0.07 * rise),
         (wide + (top - wide) * 0.86, base + 0.86 * rise),
         (top * 0.985, base + 0.945 * rise),
@@ -118,7 +124,8 @@ pub(super) fn cabin(builder: &mut PrimitiveBuilder, shape: &CarShape, detail: Ca
         let under = |end: usize, inwards: f32| -> Vec<Vec3> {
             sections[end].iter().map(|&point| point + Vec3::new(inwards, 0.0, -0.10)).collect()
         };
-        builder.grid(&[sections[0].clone(), under(0, 0.02)], |_| 200, |_, _| Some(SEAM));
+        let rear = if shape.rear == Rear::Cargo { PAINT } else { SEAM };
+        builder.grid(&[sections[0].clone(), under(0, 0.02)], |_| 200, |_, _| Some(rear));
         builder.grid(&[under(last, -0.02), sections[last].clone()], |_| 200, |_, _| Some(SEAM));
         dashboard(builder, shape);
     }
@@ -132,21 +139,12 @@ pub(super) fn cabin(builder: &mut PrimitiveBuilder, shape: &CarShape, detail: Ca
         let lean = |z: f32| foot.lerp(top, (z - foot.z) / (top.z - foot.z)).x - 0.004;
         let (low, high) = (shape.shoulder_at(-2.4) + 0.12, shape.height - 0.28);
         for side in [-1.0_f32, 1.0] {
-            let mut pane = |margin: f32, deep: f32, material: StaticMaterial| {
-                let (inner, outer) = (side * (0.08 - margin), side * (0.70 + margin));
-                let (y0, y1) = (inner.max(outer), inner.min(outer));
-                let corner = |y: f32, z: f32| Vec3::new(lean(z) + deep, y, z);
-                let (low, high) = (low - margin, high + margin);
-                builder.plate(
-                    &[corner(y0, low), corner(y1, low), corner(y1, high), corner(y0, high)],
-                    material,
-                    240,
-                );
-            };
-            pane(0.0, 0.0, GLASS);
+            let at = |y: f32, z: f32, deep: f32| Vec3::new(lean(z) + deep, side * y, z);
             if detail == CarDetail::Close {
-                // Clear glass would show the paint of the door: its seal, and the dark behind.
-                pane(0.022, 0.002, SEAM);
+                rear_pane(builder, [low, high], at);
+            } else {
+                let pane = [at(0.08, low, 0.0), at(0.72, low, 0.0), at(0.72, high, 0.0), at(0.08, high, 0.0)];
+                close::face(builder, pane, Vec3::NEG_X, GLASS, 240);
             }
         }
         if detail.is_near() {
@@ -164,6 +162,62 @@ pub(super) fn cabin(builder: &mut PrimitiveBuilder, shape: &CarShape, detail: Ca
     }
 }
 
+/// What is behind the panes of a van's rear doors.
+const LOAD: StaticMaterial = StaticMaterial::new("load", [124, 126, 130]);
+
+/// A pane of the rear doors between two heights with round corners, in a rubber frame, and the dim load space behind it: clear
+/// glass would show the paint of the door. `at`: a place on a door by y and z, so far behind its surface.
+fn rear_pane(builder: &mut PrimitiveBuilder, [low, high]: [f32; 2], at: impl Fn(f32, f32, f32) -> Vec3) {
+    const CUT_M: f32 = 0.07;
+    let ring = |margin: f32, deep: f32| -> [Vec3; 8] {
+        let (y, z) = ([0.11 - margin, 0.73 + margin], [low - margin, high + margin]);
+        let cut = CUT_M + 0.4 * margin;
+        [
+            (y[0] + cut, z[0]),
+            (y[1] - cut, z[0]),
+            (y[1], z[0] + cut),
+            (y[1], z[1] - cut),
+            (y[1] - cut, z[1]),
+            (y[0] + cut, z[1]),
+            (y[0], z[1] - cut),
+            (y[0], z[0] + cut),
+        ]
+        .map(|(y, z)| at(y, z, deep))
+    };
+    let is_mirrored = at(1.0, low, 0.0).y < 0.0;
+    let up = |p: Vec3| ((p.z - low) / (high - low)).clamp(0.0, 1.0);
+    let mut fan = |mut corners: [Vec3; 8], face_material: StaticMaterial, openness: &dyn Fn(Vec3) -> u8| {
+        if !is_mirrored {
+            corners.reverse();
+        }
+        // A pane is domed, so that it mirrors more and more of the sky upwards.
+        let normal = |p: Vec3| Vec3::new(-1.0, 0.12 * p.y, 0.05 + 0.25 * up(p)).normalize_or(Vec3::NEG_X);
+        let fan = corners.map(|p| builder.vertex(face_material, p, normal(p), openness(p)));
+        for k in 2..fan.len() {
+            builder.triangle(face_material, [fan[0], fan[k - 1], fan[k]]);
+        }
+    };
+    // Light falls on the floor through the windows of the cab.
+    let dim = |p: Vec3| (150.0 - 130.0 * up(p)) as u8;
+    fan(ring(0.0, -0.001), LOAD, &dim);
+    // Glass against the sun mirrors more than one sheet.
+    for layer in [1.0, 2.0] {
+        fan(ring(0.0, -0.001 - 0.001 * layer), GLASS, &|_| 240);
+    }
+    let rings = [ring(0.034, 0.002), ring(0.024, -0.012), ring(0.004, -0.012), ring(-0.004, -0.002)];
+    for pair in rings.windows(2) {
+        for k in 0..8 {
+            let n = (k + 1) % 8;
+            let corners = [pair[0][k], pair[0][n], pair[1][n], pair[1][k]];
+            let middle = (corners[0] + corners[2]) / 2.0;
+            let centre = at(0.42, (low + high) / 2.0, 0.0);
+            // Bevels face away from the pane without, and towards it within.
+            let away = (middle - centre).with_x(0.0) * if pair[1][0].x > pair[0][0].x { -1.0 } else { 1.0 };
+            close::face(builder, corners, Vec3::NEG_X + away * 0.01, SEAM, 170);
+        }
+    }
+}
+
 /// How far the foot of the windscreen bulges forward in its middle.
 const BULGE_M: f32 = 0.10;
 
@@ -176,7 +230,7 @@ fn windscreen_foot(shape: &CarShape) -> Vec<Vec3> {
 /// A place on that line, at a share of half its width to the left.
 fn windscreen_foot_at(shape: &CarShape, share: f32) -> Vec3 {
     let [.., x] = shape.cabin.stations;
-    let wide = body::half_at(x) * 0.875;
+    let wide = shape.half_at(x) * 0.875;
     let high = shape.shoulder_at(x) + 0.008;
     let round = 1.0 - share * share;
     Vec3::new(x + BULGE_M * round, wide * share, high + (shape.crown + 0.012) * round)
@@ -225,6 +279,7 @@ fn frames(
             strip([b, c, c.lerp(d, dc), b.lerp(a, ab)], outward, 0.006);
         }
     }
+    rear_pillars(shape, stations, sections, &mut strip);
     let mirrored = 2 * RAIL + 6;
     for (top, foot, facing) in [(last - 1, last, 1.0_f32), (1, 0, -1.0)] {
         if facing < 0.0 && shape.rear == Rear::Cargo {
@@ -250,6 +305,32 @@ fn frames(
         }
     }
     wipers(builder, shape, &sections[last - 1], &sections[last]);
+}
+
+/// The pillars behind the rear doors, where the windows go on: one long pane would be that of a limousine.
+fn rear_pillars(
+    shape: &CarShape,
+    stations: &[CabinStation],
+    sections: &[Vec<Vec3>],
+    strip: &mut impl FnMut([Vec3; 4], Vec3, f32),
+) {
+    const HALF_WIDTH_M: f32 = 0.035;
+    let [_, rear_roof, rear_glass, ..] = shape.cabin.stations;
+    let x = shape.rear_door();
+    if shape.rear != Rear::Hatch || x < rear_glass.max(rear_roof) + 0.2 {
+        return;
+    }
+    let Some(after) = stations.iter().position(|station| station.x > x) else { return };
+    let at = |x: f32, row: usize, side: f32| {
+        let share = (x - stations[after - 1].x) / (stations[after].x - stations[after - 1].x);
+        sections[after - 1][row].lerp(sections[after][row], share) * Vec3::new(1.0, -side, 1.0)
+    };
+    for side in [1.0_f32, -1.0] {
+        let [rear, front] = [x - HALF_WIDTH_M, x + HALF_WIDTH_M];
+        let corners =
+            [at(rear, SILL, side), at(front, SILL, side), at(front, RAIL, side), at(rear, RAIL, side)];
+        strip(corners, Vec3::Y * side, 0.006);
+    }
 }
 
 /// What lines the ends of the roof, between the upper edges of windscreen and rear window and the lining under the roof.
@@ -280,7 +361,7 @@ fn wipers(builder: &mut PrimitiveBuilder, shape: &CarShape, top: &[Vec3], foot: 
     const COWL_M: f32 = 0.10;
     let before = |at: &Vec3, up: f32| {
         let x = at.x + COWL_M;
-        let across = at.y / body::half_at(x);
+        let across = at.y / shape.half_at(x);
         Vec3::new(x, at.y, shape.shoulder_at(x) + shape.crown * (1.0 - across * across) + up)
     };
     let back = windscreen_foot(shape);

@@ -1,7 +1,7 @@
 //! What is seen through the glass of a near car: lining, seats, steering wheel and driver.
 
 use super::shape::{CarShape, Rear};
-use super::{PrimitiveBuilder, StaticMaterial, body, cabin};
+use super::{PrimitiveBuilder, StaticMaterial, cabin};
 use city3d_models::MeshPrimitive;
 use glam::Vec3;
 use std::f32::consts::TAU;
@@ -51,7 +51,7 @@ pub(super) fn interior(builder: &mut PrimitiveBuilder, shape: &CarShape) {
     // Seats rise with the windows.
     let belt = shape.shoulder_at(0.0);
     let floor = belt - 0.58;
-    let half = body::half_at(0.0) * 0.9;
+    let half = shape.half_at(0.0) * 0.9;
     let corners = [(rear, -half), (front, -half), (front, half), (rear, half)];
     builder.plate(&corners.map(|(x, y)| Vec3::new(x, y, floor)), CARPET, 60);
     // Housings of the rear wheels: through the arches one would see the road.
@@ -105,7 +105,7 @@ fn parcel_shelf(builder: &mut PrimitiveBuilder, shape: &CarShape, [rear, front]:
     const STEPS: u8 = 3;
     let row = |k: u8| {
         let x = rear - 0.02 + (front - rear + 0.02) * f32::from(k) / f32::from(STEPS);
-        let (half, z) = (body::half_at(x) * 0.88, shape.shoulder_at(x) - 0.015);
+        let (half, z) = (shape.half_at(x) * 0.88, shape.shoulder_at(x) - 0.015);
         vec![Vec3::new(x, half, z), Vec3::new(x, -half, z)]
     };
     let rows: Vec<Vec<Vec3>> = (0..=STEPS).rev().map(row).collect();

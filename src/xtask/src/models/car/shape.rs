@@ -1,5 +1,7 @@
 //! Side views of the body types, in metres: x from the middle forward, z above the road.
 
+use super::{WHEEL_RADIUS_M, WHEELBASE_M};
+
 /// The parameters of a body type.
 #[derive(Clone, Copy, Debug)]
 pub struct CarShape {
@@ -125,8 +127,8 @@ pub const HATCHBACK: CarShape = CarShape {
     rake: [[0.12, 0.06], [0.06, 0.10]],
     bow: [0.24, 0.14],
     cabin: Cabin {
-        stations: [-2.34, -1.52, -1.72, -0.20, 0.52, 1.46],
-        roof: [1.36, 1.48, 1.43],
+        stations: [-2.34, -1.70, -1.84, -0.12, 0.52, 1.46],
+        roof: [1.40, 1.48, 1.43],
         roof_half: 0.74,
     },
     rear: Rear::Hatch,
@@ -176,7 +178,7 @@ pub const VAN: CarShape = CarShape {
     cabin: Cabin {
         stations: [-2.44, -2.38, 0.42, 0.34, 1.02, 1.86],
         roof: [2.06, 2.10, 2.02],
-        roof_half: 0.90,
+        roof_half: 0.98,
     },
     rear: Rear::Cargo,
     clad: false,
@@ -206,6 +208,12 @@ pub const PICKUP: CarShape = CarShape {
 };
 
 impl CarShape {
+    /// Rear edge of the rear doors.
+    pub(super) fn rear_door(&self) -> f32 {
+        let [_, _, _, pillar, ..] = self.cabin.stations;
+        (pillar - 0.95).max(-WHEELBASE_M / 2.0 + WHEEL_RADIUS_M * 0.7)
+    }
+
     /// Whether the tail lamps stand upright beside a door or tailgate.
     pub(super) fn has_tall_lamps(&self) -> bool {
         matches!(self.rear, Rear::Cargo | Rear::Bed)

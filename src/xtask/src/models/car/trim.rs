@@ -37,7 +37,7 @@ pub(super) fn trim(builder: &mut PrimitiveBuilder, shape: &CarShape, detail: Car
     for side in [1.0_f32, -1.0] {
         let [_, _, _, pillar, _, front_foot] = shape.cabin.stations;
         let front = front_foot - 0.22;
-        let rear = (pillar - 0.95).max(-WHEELBASE_M / 2.0 + WHEEL_RADIUS_M * 0.7);
+        let rear = shape.rear_door();
         let doors: &[f32] = match shape.rear {
             Rear::Cargo => &[front, pillar],
             Rear::Bed => &[front, shape.cabin.stations[0] + 0.05, pillar],
