@@ -356,46 +356,41 @@ pub(super) fn headers(builder: &mut PrimitiveBuilder, shape: &CarShape, material
     }
 }
 
+/// Plastic that wipers are darker than.
+const COWL: StaticMaterial = StaticMaterial::new("cowl", [52, 54, 58]);
+
 /// The dark cowl between bonnet and windscreen, and the wipers at rest on it; the windscreen is between two sections.
 fn wipers(builder: &mut PrimitiveBuilder, shape: &CarShape, top: &[Vec3], foot: &[Vec3]) {
-    const COWL_M: f32 = 0.10;
-    let before = |at: &Vec3, up: f32| {
-        let x = at.x + COWL_M;
-        let across = at.y / shape.half_at(x);
-        Vec3::new(x, at.y, shape.shoulder_at(x) + shape.crown * (1.0 - across * across) + up)
+    const COWL_M: f32 = 0.17;
+    // A place on the cowl, so far ahead of the foot of the windscreen.
+    let on_cowl = |at: &Vec3, ahead_m: f32| {
+        let x = at.x + ahead_m;
+        let bonnet = shape.on_bonnet(x, at.y / shape.side_point(x, 1.0, 0.0).y);
+        Vec3::new(x, at.y, bonnet.z + 0.008)
     };
     let back = windscreen_foot(shape);
-    let edge = back.iter().map(|at| before(at, 0.008)).collect();
-    builder.grid(&[edge, back], |_| 170, |_, _| Some(PLASTIC));
-    // A blade rests a little aslant over the foot of the glass, which is round; an arm that tapers comes from a pivot on the
-    // cowl and holds it in its middle. Shares of half the width, from heel to tip.
+    let edge = back.iter().map(|at| on_cowl(at, COWL_M)).collect();
+    builder.grid(&[edge, back], |_| 170, |_, _| Some(COWL));
+    // A blade lies along the foot of the glass, which is round: from inside it is seen before the cowl, as higher up it would
+    // seem to hang before the bonnet. An arm comes from a pivot on the cowl and holds it in its middle. Shares of half the width,
+    // from heel to tip.
     let up = (top[5] - foot[5]).normalize_or(Vec3::Z);
     let out = up.cross(Vec3::NEG_Y);
-    let on = |share: f32, height_m: f32| windscreen_foot_at(shape, share) + up * height_m;
-    const PARTS: u8 = 4;
-    for [pivot, heel, tip] in [[0.84, 0.74, 0.02], [-0.02, -0.12, -0.84]] {
-        let blade = |part: f32| on(heel + (tip - heel) * part, 0.080 + 0.055 * part);
+    const PARTS: u8 = 8;
+    for [pivot, heel, tip] in [[0.88, 0.82, -0.02], [0.06, 0.02, -0.82]] {
+        let blade =
+            |part: f32| windscreen_foot_at(shape, heel + (tip - heel) * part) + up * (0.012 + 0.012 * part);
         for part in 0..PARTS {
             let ends = [part, part + 1].map(|part| blade(f32::from(part) / f32::from(PARTS)));
-            wiper_bar(builder, ends, out, (0.0035, [0.003, 0.008]));
+            wiper_bar(builder, ends, out, (0.006, [-0.002, 0.008]));
         }
-        let (foot, head) = (on(pivot, -0.030) + out * 0.012, blade(0.5));
-        let elbow = foot.lerp(head, 0.35) + out * 0.006;
-        wiper_bar(builder, [foot, elbow], out, (0.007, [0.010, 0.017]));
-        wiper_bar(builder, [elbow, head], out, (0.004, [0.011, 0.016]));
-        let cap = Vec3::new(0.008, 0.010, 0.006);
-        builder.block(foot - cap, foot + cap, WIPER, 160);
-    }
-    // Two nozzles spray the glass from the bonnet.
-    for y in [-0.34_f32, 0.34] {
-        let ahead = windscreen_foot_at(shape, y).x + COWL_M + 0.06;
-        let at = shape.on_bonnet(ahead, y);
-        builder.block(
-            at + Vec3::new(-0.009, -0.012, -0.004),
-            at + Vec3::new(0.009, 0.012, 0.007),
-            WIPER,
-            170,
-        );
+        let pivot = on_cowl(&windscreen_foot_at(shape, pivot), 0.05);
+        let head = blade(0.5);
+        let elbow = pivot.lerp(head, 0.4) + Vec3::Z * 0.005;
+        wiper_bar(builder, [pivot, elbow], out, (0.008, [0.004, 0.011]));
+        wiper_bar(builder, [elbow, head], out, (0.005, [0.006, 0.011]));
+        let cap = Vec3::new(0.011, 0.011, 0.008);
+        builder.block(pivot - cap, pivot + cap, WIPER, 160);
     }
 }
 
