@@ -1,5 +1,5 @@
-// Number plates: every vehicle has three digits of its own, in a font of three by five squares like that of the letters beside
-// them.
+// Number plates: every vehicle has three digits of its own, in a font of three by five squares like that of the letters
+// beside them.
 
 // Inked squares of each digit, a bit each: by rows from the top, the left one first.
 const DIGIT_SQUARES = array<u32, 10>(

@@ -165,8 +165,8 @@ pub(super) fn cabin(builder: &mut PrimitiveBuilder, shape: &CarShape, detail: Ca
 /// What is behind the panes of a van's rear doors.
 const LOAD: StaticMaterial = StaticMaterial::new("load", [124, 126, 130]);
 
-/// A pane of the rear doors between two heights with round corners, in a rubber frame, and the dim load space behind it: clear
-/// glass would show the paint of the door. `at`: a place on a door by y and z, so far behind its surface.
+/// A pane of the rear doors between two heights with round corners, in a rubber frame, and the dim load space behind it:
+/// clear glass would show the paint of the door. `at`: a place on a door by y and z, so far behind its surface.
 fn rear_pane(builder: &mut PrimitiveBuilder, [low, high]: [f32; 2], at: impl Fn(f32, f32, f32) -> Vec3) {
     const CUT_M: f32 = 0.07;
     let ring = |margin: f32, deep: f32| -> [Vec3; 8] {
@@ -371,9 +371,9 @@ fn wipers(builder: &mut PrimitiveBuilder, shape: &CarShape, top: &[Vec3], foot: 
     let back = windscreen_foot(shape);
     let edge = back.iter().map(|at| on_cowl(at, COWL_M)).collect();
     builder.grid(&[edge, back], |_| 170, |_, _| Some(COWL));
-    // A blade lies along the foot of the glass, which is round: from inside it is seen before the cowl, as higher up it would
-    // seem to hang before the bonnet. An arm comes from a pivot on the cowl and holds it in its middle. Shares of half the width,
-    // from heel to tip.
+    // A blade lies along the foot of the glass, which is round: from inside it is seen before the cowl, as higher up it
+    // would seem to hang before the bonnet. An arm comes from a pivot on the cowl and holds it in its middle. Shares of
+    // half the width, from heel to tip.
     let up = (top[5] - foot[5]).normalize_or(Vec3::Z);
     let out = up.cross(Vec3::NEG_Y);
     const PARTS: u8 = 8;

@@ -218,15 +218,16 @@ fn number_plates(builder: &mut PrimitiveBuilder, shape: &CarShape, detail: CarDe
 
 /// Edge of a square of the lettering on number plates.
 const SQUARE_M: f32 = 0.0145;
-/// Squares along the lettering: three letters, a space, and as wide as the letters three digits, a square between each two.
+/// Squares along the lettering: three letters, a space and three digits, each three wide, with one between them and three
+/// for the space.
 const COLUMNS: f32 = 26.0;
 /// Squares along and up the three digits.
 const DIGITS: Vec2 = Vec2::new(11.0, 5.0);
 /// The letters, of three by five squares.
 const LETTERS: [&str; 5] = ["### ### ## ", "#     # # #", "#    ## # #", "#     # # #", "### ### ## "];
 
-/// Lettering of a number plate. Every vehicle has a number of its own, so a shader draws the digits, in texture coordinates
-/// that count squares.
+/// Lettering of a number plate. Every vehicle has a number of its own, so a shader draws the digits, in texture
+/// coordinates that count squares.
 pub(super) fn registration(builder: &mut PrimitiveBuilder, facing: f32, middle: Vec3) {
     let (right, up) = (Vec3::Y * (facing * SQUARE_M), Vec3::Z * SQUARE_M);
     let off_middle = (COLUMNS - DIGITS.x) / 2.0;
