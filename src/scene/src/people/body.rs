@@ -2,15 +2,16 @@
 
 use super::super::mesh::{Finish, Mesh};
 use super::figure::{
-    BAG, BELT, COAT, COLLAR, Dress, EYE, EYE_WHITE, HAIR, HIP_M, LEGS, MOUTH, Model, NOSE, Pose, SHIRT,
-    SHOES, SKIN, SLEEVE, TROUSERS, belongings, hem,
+    BAG, BELT, COAT, COLLAR, Dress, HIP_M, LEGS, Model, Pose, SHIRT, SHOES, SKIN, SLEEVE, TROUSERS,
+    belongings, hem,
 };
+use super::head::Head;
 use super::loft::{Section, limb_sections, loft};
+use super::look::Look;
 use glam::{Quat, Vec2, Vec3};
 
 /// Sides of what is round.
-const TRUNK_SIDES: u32 = 11;
-const HEAD_SIDES: u32 = 10;
+const TRUNK_SIDES: u32 = 12;
 const LIMB_SIDES: u32 = 7;
 const SMALL_SIDES: u32 = 6;
 
@@ -18,16 +19,23 @@ const SMALL_SIDES: u32 = 6;
 type Profile = [f32; 4];
 
 const CHEST: [Profile; 5] = [
-    [0.34, 0.168, 0.118, 0.010],
-    [0.46, 0.176, 0.108, 0.004],
-    [0.530, 0.158, 0.088, -0.006],
-    [0.570, 0.108, 0.070, -0.006],
-    [0.600, 0.066, 0.062, 0.0],
+    [0.34, 0.163, 0.116, 0.010],
+    [0.46, 0.172, 0.104, 0.004],
+    [0.525, 0.162, 0.084, -0.006],
+    [0.576, 0.114, 0.070, -0.008],
+    [0.614, 0.060, 0.060, -0.002],
 ];
-const WAIST: [Profile; 2] = [[0.02, 0.164, 0.120, 0.0], [0.17, 0.148, 0.108, 0.006]];
-/// Of a jacket, and of what is tucked in.
-const JACKET_HEM: [Profile; 3] =
-    [[-0.115, 0.140, 0.100, 0.0], [-0.120, 0.172, 0.126, 0.0], [-0.10, 0.174, 0.128, 0.0]];
+const WAIST: [Profile; 2] = [[0.02, 0.163, 0.118, 0.0], [0.17, 0.145, 0.104, 0.006]];
+/// The same of women: a narrower waist and shoulders, and a bust.
+const SLIM_CHEST: [Profile; 5] = [
+    [0.35, 0.146, 0.118, 0.016],
+    [0.46, 0.158, 0.102, 0.008],
+    [0.525, 0.152, 0.080, -0.006],
+    [0.574, 0.104, 0.066, -0.008],
+    [0.612, 0.054, 0.056, -0.002],
+];
+const SLIM_WAIST: [Profile; 2] = [[0.02, 0.164, 0.118, 0.0], [0.18, 0.126, 0.094, 0.004]];
+/// Of what is tucked in.
 const TUCKED_HEM: [Profile; 1] = [[-0.01, 0.160, 0.116, 0.0]];
 const PELVIS: [Profile; 5] = [
     [-0.15, 0.0, 0.0, 0.0],
@@ -38,12 +46,14 @@ const PELVIS: [Profile; 5] = [
 ];
 /// A belt, at the top of trousers or around the waist of a coat.
 const BELT_ON_HIPS: [Profile; 2] = [[-0.012, 0.165, 0.121, 0.0], [0.024, 0.1665, 0.1225, 0.0]];
-const BELT_ON_WAIST: [Profile; 2] = [[0.150, 0.155, 0.114, 0.005], [0.195, 0.156, 0.115, 0.006]];
-const COLLAR_ROUND: [Profile; 4] = [
-    [0.580, 0.094, 0.074, -0.004],
-    [0.610, 0.072, 0.068, 0.002],
-    [0.648, 0.067, 0.066, -0.002],
-    [0.640, 0.054, 0.054, -0.002],
+const BELT_ON_WAIST: [Profile; 2] = [[0.160, 0.134, 0.101, 0.004], [0.200, 0.133, 0.101, 0.005]];
+/// A collar folded over, lower in front than behind: the foremost and the hindmost point, each by place in front of the
+/// spine and height along it, and half the width.
+const COLLAR_ROUND: [[f32; 5]; 4] = [
+    [0.052, 0.572, -0.050, 0.620, 0.050],
+    [0.057, 0.596, -0.060, 0.652, 0.058],
+    [0.067, 0.596, -0.071, 0.650, 0.066],
+    [0.096, 0.552, -0.088, 0.590, 0.106],
 ];
 const SCARF: [Profile; 4] = [
     [0.575, 0.070, 0.070, 0.0],
@@ -54,15 +64,17 @@ const SCARF: [Profile; 4] = [
 
 /// A leg in trousers, and a bare one: share of thigh and shin, half width and half depth, and how far behind the bone.
 const THIGH: [([f32; 4], [f32; 2]); 3] = [
-    ([0.0, 0.084, 0.104, 0.0], [0.074, 0.090]),
-    ([0.40, 0.082, 0.092, 0.0], [0.068, 0.076]),
+    ([0.0, 0.072, 0.092, 0.0], [0.074, 0.090]),
+    ([0.40, 0.078, 0.086, 0.0], [0.068, 0.076]),
     ([0.74, 0.069, 0.076, 0.0], [0.054, 0.060]),
 ];
-const SHIN: [([f32; 4], [f32; 2]); 4] = [
+const SHIN: [([f32; 4], [f32; 2]); 6] = [
     ([0.0, 0.063, 0.069, 0.0], [0.049, 0.054]),
     ([0.30, 0.060, 0.067, 0.012], [0.050, 0.056]),
     ([0.70, 0.055, 0.060, 0.008], [0.036, 0.040]),
     ([0.96, 0.057, 0.066, 0.0], [0.031, 0.034]),
+    ([0.965, 0.030, 0.034, 0.0], [0.030, 0.033]),
+    ([1.04, 0.028, 0.032, 0.0], [0.028, 0.032]),
 ];
 
 /// A shoe: from the ankle forward, half width, and height over its sole at the ankle.
@@ -82,7 +94,7 @@ const SOLE_M: f32 = 0.092;
 
 /// A hand: from the wrist along it, half width and half thickness.
 const HAND: [[f32; 3]; 6] = [
-    [0.0, 0.026, 0.022],
+    [-0.014, 0.022, 0.019],
     [0.035, 0.036, 0.021],
     [0.080, 0.041, 0.019],
     [0.115, 0.037, 0.015],
@@ -90,47 +102,9 @@ const HAND: [[f32; 3]; 6] = [
     [0.150, 0.0, 0.0],
 ];
 
-/// Sections of a head: height over its joint, half width, half depth, and how far in front of the joint.
-const SKULL: [Profile; 9] = [
-    [0.066, 0.0, 0.0, 0.040],
-    [0.072, 0.030, 0.034, 0.042],
-    [0.090, 0.048, 0.054, 0.034],
-    [0.120, 0.061, 0.078, 0.020],
-    [0.150, 0.069, 0.089, 0.013],
-    [0.182, 0.0735, 0.093, 0.008],
-    [0.220, 0.0735, 0.093, 0.003],
-    [0.255, 0.062, 0.080, -0.002],
-    [0.282, 0.0, 0.0, -0.004],
-];
-/// Hair in sections that are higher at the forehead than at the nape: the foremost and the hindmost point, each by its
-/// place along x and its height, and half the width.
-const HAIR_CAP: [[f32; 5]; 6] = [
-    [0.088, 0.226, -0.070, 0.105, 0.066],
-    [0.1015, 0.230, -0.094, 0.098, 0.0785],
-    [0.104, 0.246, -0.108, 0.150, 0.0850],
-    [0.090, 0.274, -0.104, 0.220, 0.0800],
-    [0.050, 0.292, -0.066, 0.272, 0.0540],
-    [-0.006, 0.296, -0.006, 0.296, 0.0],
-];
-/// Hair that falls to the shoulders, and a tail of hair.
-const LOOSE: [Profile; 5] = [
-    [-0.015, 0.0, 0.0, -0.058],
-    [0.0, 0.078, 0.046, -0.054],
-    [0.070, 0.089, 0.058, -0.044],
-    [0.140, 0.087, 0.070, -0.032],
-    [0.225, 0.080, 0.080, -0.020],
-];
-const TAIL: [([f32; 2], f32); 5] = [
-    ([-0.095, 0.215], 0.016),
-    ([-0.135, 0.205], 0.030),
-    ([-0.150, 0.130], 0.032),
-    ([-0.138, 0.050], 0.022),
-    ([-0.130, 0.005], 0.0),
-];
-
 /// A figure in full detail: 1.75 m tall, looks along x, its feet at the origin, or its seat if it sits.
-pub(super) fn body(mesh: &mut Mesh, model: Model) {
-    let figure = Figure { model, pose: model.pose, dress: model.dress() };
+pub(super) fn body(mesh: &mut Mesh, model: Model, look: Look) {
+    let figure = Figure { model, look, pose: model.pose, dress: model.dress() };
     figure.trunk(mesh);
     for side in [1.0, -1.0] {
         figure.leg(mesh, side);
@@ -142,15 +116,12 @@ pub(super) fn body(mesh: &mut Mesh, model: Model) {
 
 struct Figure {
     model: Model,
+    look: Look,
     pose: Pose,
     dress: Dress,
 }
 
 impl Figure {
-    fn is_long(&self) -> bool {
-        matches!(self.dress, Dress::Coat | Dress::Frock)
-    }
-
     fn spine(&self, up: f32) -> Vec3 {
         let lean = self.pose.lean();
         self.pose.hips() + Vec3::new(lean, 0.0, (1.0 - lean * lean).sqrt()) * up
@@ -175,15 +146,20 @@ impl Figure {
     /// Pelvis, chest, and what is worn over them.
     fn trunk(&self, mesh: &mut Mesh) {
         let skirt = self.skirt();
+        let jacket = self.jacket_hem();
         let hem: &[Profile] = match self.dress {
             Dress::Coat | Dress::Frock => &skirt,
-            Dress::Jacket => &JACKET_HEM,
+            Dress::Jacket => &jacket,
             Dress::Shirt => &TUCKED_HEM,
         };
-        let profile: Vec<Profile> = hem.iter().chain(&WAIST).chain(&CHEST).copied().collect();
+        let (waist, chest) = if self.model.has_long_hair { (SLIM_WAIST, SLIM_CHEST) } else { (WAIST, CHEST) };
+        let profile: Vec<Profile> = hem.iter().chain(&waist).chain(&chest).copied().collect();
         self.band(mesh, &profile, COAT);
-        if !self.is_long() {
-            self.band(mesh, &PELVIS, TROUSERS);
+        match self.dress {
+            Dress::Shirt => self.band(mesh, &PELVIS, TROUSERS),
+            // Its top would be seen through a jacket.
+            Dress::Jacket => self.band(mesh, &PELVIS[..3], TROUSERS),
+            Dress::Coat | Dress::Frock => {}
         }
         match self.dress {
             Dress::Shirt => self.band(mesh, &BELT_ON_HIPS, BELT),
@@ -192,11 +168,12 @@ impl Figure {
         }
         match self.dress {
             Dress::Jacket => {
-                self.band(mesh, &COLLAR_ROUND, COLLAR);
+                self.collar(mesh);
+                self.band(mesh, &outside([jacket[1], jacket[2]]), COLLAR);
                 self.strip(
                     mesh,
                     &profile,
-                    &[(0.36, 0.002), (0.44, 0.020), (0.53, 0.040), (0.598, 0.050)],
+                    &[(0.36, 0.002), (0.44, 0.020), (0.53, 0.036), (0.575, 0.038)],
                     SHIRT,
                 );
                 self.strip(
@@ -207,20 +184,64 @@ impl Figure {
                 );
             }
             Dress::Coat => {
-                self.band(mesh, &SCARF, BAG);
+                if self.look.has_scarf {
+                    self.band(mesh, &SCARF, BAG);
+                } else {
+                    self.collar(mesh);
+                }
+                self.band(mesh, &outside([skirt[1], skirt[2]]), COLLAR);
                 let buttons = [(-0.25, 0.007), (-0.10, 0.007), (0.02, 0.007), (0.15, 0.007)];
                 self.strip(mesh, &profile, &buttons, COLLAR);
-                self.strip(mesh, &profile, &[(0.195, 0.007), (0.34, 0.007), (0.50, 0.007)], COLLAR);
+                self.strip(
+                    mesh,
+                    &profile,
+                    &[(0.20, 0.007), (0.35, 0.007), (0.46, 0.007), (0.56, 0.007)],
+                    COLLAR,
+                );
             }
             Dress::Shirt | Dress::Frock => {
-                self.strip(mesh, &profile, &[(0.52, 0.012), (0.56, 0.034), (0.598, 0.050)], SKIN);
+                self.strip(mesh, &profile, &[(0.525, 0.006), (0.575, 0.030), (0.613, 0.034)], SKIN);
             }
         }
     }
 
+    /// The lower edge of a jacket, which covers both thighs.
+    fn jacket_hem(&self) -> [Profile; 3] {
+        let up = if self.pose.is_seated() { -0.07 } else { -0.12 };
+        /// Half of a thigh with the cloth over it.
+        const HALF_M: f32 = 0.094;
+        let [left, right] = [1.0, -1.0].map(|side| {
+            let hip = self.pose.hips() + Vec3::Y * (HIP_M * side);
+            let [knee, ..] = self.pose.leg(side);
+            if self.pose.is_seated() { 0.0 } else { hip.lerp(knee, up / (knee.z - hip.z)).x }
+        });
+        let [front, back] = [left.max(right) + HALF_M, left.min(right) - HALF_M];
+        let [deep, forward] = [((front - back) / 2.0).max(0.130), front.midpoint(back)];
+        let wide = if front - back > 0.26 { 0.198 } else { 0.176 };
+        [
+            [up + 0.005, 0.8 * wide, 0.8 * deep, forward],
+            [up, wide, deep, forward],
+            [up + 0.045, wide - 0.002, deep - 0.002, 0.8 * forward],
+        ]
+    }
+
+    fn collar(&self, mesh: &mut Mesh) {
+        let ahead = self.ahead();
+        let sections = COLLAR_ROUND.map(|[front, low, back, high, wide]| {
+            let [front, back] = [self.spine(low) + ahead * front, self.spine(high) + ahead * back];
+            Section { at: front.midpoint(back), front: (front - back) / 2.0, side: Vec3::Y * wide }
+        });
+        loft(mesh, &sections, TRUNK_SIDES, COLLAR);
+    }
+
     /// The lower part of a coat or frock, which falls over both legs.
     fn skirt(&self) -> Vec<Profile> {
+        // Clear of the leg in front.
+        const CLEAR_M: f32 = 0.014;
+        const STRIDE_M: f32 = 0.16;
         let [up, wide, deep, forward] = hem(self.pose);
+        let wide = wide + if deep > STRIDE_M { 0.036 } else { 0.010 };
+        let [deep, forward] = [deep + CLEAR_M, forward + 0.6 * CLEAR_M];
         let part = |share: f32| {
             let mix = |low: f32, high: f32| low + (high - low) * share;
             [mix(up, 0.0), mix(wide, 0.164), mix(deep, 0.122), mix(forward, 0.0)]
@@ -264,12 +285,22 @@ impl Figure {
             let size = if is_bare { *bare } else { [wide, deep] };
             (from.lerp(to, share) - facing * behind, size)
         };
-        // A coat or frock hides the upper part.
-        let hidden = if self.is_long() { THIGH.len() - 1 } else { 0 };
-        let thigh = THIGH.iter().skip(hidden);
-        let joints: Vec<(Vec3, [f32; 2])> = (thigh.map(|part| joint(hip, knee, part)))
+        // What is worn over it hides the upper part, which ends a little over the hem.
+        let hidden = match self.dress {
+            _ if self.pose.is_seated() => 0.0,
+            Dress::Coat | Dress::Frock => hem(self.pose)[0] / (knee.z - hip.z) - 0.03,
+            Dress::Jacket => 0.22,
+            Dress::Shirt => 0.12,
+        };
+        let thigh =
+            THIGH.map(|([share, wide, deep, behind], bare)| ([share.max(hidden), wide, deep, behind], bare));
+        let first = thigh.iter().rposition(|part| part.0[0] <= hidden).unwrap_or(0);
+        let mut joints: Vec<(Vec3, [f32; 2])> = (thigh[first..].iter().map(|part| joint(hip, knee, part)))
             .chain(SHIN.iter().map(|part| joint(knee, ankle, part)))
             .collect();
+        if !self.pose.is_seated() {
+            joints[0].1 = joints[0].1.map(|half| 0.84 * half);
+        }
         let finish = if is_bare { LEGS } else { TROUSERS };
         loft(mesh, &limb_sections(&joints, facing), LIMB_SIDES, finish);
         shoe(mesh, [knee, ankle, tip]);
@@ -281,134 +312,67 @@ impl Figure {
         let facing = (shoulder.midpoint(wrist) - elbow + Vec3::X * 0.1).normalize_or(Vec3::X);
         let upper = |share: f32| shoulder.lerp(elbow, share);
         let lower = |share: f32| elbow.lerp(wrist, share);
+        // From the neck along the slope of the shoulder, so that no ball stands out at the joint.
+        let narrow_m = if self.model.has_long_hair { 0.012 } else { 0.0 };
         let root = [
-            (self.spine(0.515) + Vec3::Y * (0.10 * side), [0.040, 0.050]),
-            (self.spine(0.512) + Vec3::Y * (0.170 * side), [0.050, 0.056]),
-            (upper(0.24), [0.054, 0.059]),
+            (self.spine(0.560) + Vec3::Y * (0.060 * side), [0.030, 0.044]),
+            (self.spine(0.540) + Vec3::Y * (0.125 * side), [0.040, 0.052]),
+            (self.spine(0.508) + Vec3::Y * ((0.176 - narrow_m) * side), [0.046, 0.053]),
+            (upper(0.28) - Vec3::Y * (0.6 * narrow_m * side), [0.046, 0.052]),
         ];
         let is_short = matches!(self.dress, Dress::Shirt | Dress::Frock);
         let sleeve: &[(Vec3, [f32; 2])] = if is_short {
-            &[(upper(0.70), [0.057, 0.062]), (upper(0.71), [0.036, 0.038])]
+            &[(upper(0.62), [0.046, 0.050]), (upper(0.63), [0.034, 0.037])]
         } else {
             &[
-                (upper(0.65), [0.050, 0.054]),
-                (elbow, [0.045, 0.048]),
-                (lower(0.45), [0.043, 0.046]),
-                (lower(0.95), [0.037, 0.040]),
-                (lower(0.96), [0.020, 0.022]),
+                (upper(0.70), [0.043, 0.047]),
+                (elbow, [0.040, 0.043]),
+                (lower(0.40), [0.040, 0.042]),
+                (lower(0.93), [0.034, 0.036]),
             ]
         };
         let sleeve: Vec<_> = root.iter().chain(sleeve).copied().collect();
         loft(mesh, &limb_sections(&sleeve, facing), LIMB_SIDES, SLEEVE);
         if is_short {
             let arm = [
-                (upper(0.55), [0.038, 0.041]),
-                (elbow, [0.036, 0.038]),
-                (lower(0.35), [0.036, 0.038]),
-                (lower(1.0), [0.024, 0.027]),
+                (upper(0.50), [0.036, 0.039]),
+                (elbow, [0.033, 0.035]),
+                (lower(0.35), [0.034, 0.035]),
+                (lower(1.0), [0.023, 0.026]),
             ];
             loft(mesh, &limb_sections(&arm, facing), LIMB_SIDES, SKIN);
+        } else {
+            let cuff = [
+                (lower(0.86), [0.0365, 0.0385]),
+                (lower(0.955), [0.0365, 0.0385]),
+                (lower(0.96), [0.020, 0.022]),
+            ];
+            loft(mesh, &limb_sections(&cuff, facing), LIMB_SIDES, COLLAR);
         }
         hand(mesh, wrist, (fingers - wrist).normalize_or(-Vec3::Z), side);
     }
 
     /// Neck, head, hair and face.
     fn head(&self, mesh: &mut Mesh) {
-        let neck = self.spine(0.60);
         let [nod, turn_rad] = self.pose.head();
-        let turn = Quat::from_rotation_z(turn_rad);
-        let tilt = turn * Quat::from_rotation_y(nod);
-        let joint = neck + Vec3::Z * 0.06;
-        let at = |x: f32, y: f32, up: f32| joint + tilt * Vec3::new(x + 0.5 * nod * 0.06, y, up - 0.06);
-        let section = |&[up, wide, deep, forward]: &Profile| Section {
-            at: at(forward, 0.0, up),
-            front: tilt * Vec3::X * deep,
-            side: tilt * Vec3::Y * wide,
-        };
+        let tilt = Quat::from_rotation_z(turn_rad) * Quat::from_rotation_y(nod);
+        let neck = self.spine(0.60);
+        let head = Head { neck, nod_m: 0.03 * nod, tilt };
+        let wide = if self.model.has_long_hair { 0.046 } else { 0.051 };
         let throat = [
-            (self.spine(0.565), [0.060, 0.062]),
-            (neck, [0.053, 0.056]),
-            (at(0.0, 0.0, 0.11), [0.050, 0.052]),
+            (self.spine(0.555), [0.068, 0.060]),
+            (neck, [wide, wide + 0.003]),
+            (head.at(0.0, 0.0, 0.11), [wide - 0.002, wide + 0.002]),
         ];
         loft(mesh, &limb_sections(&throat, Vec3::X), LIMB_SIDES, SKIN);
-        let skull: Vec<Section> = SKULL.iter().map(section).collect();
-        loft(mesh, &skull, HEAD_SIDES, SKIN);
-        let cap: Vec<Section> = HAIR_CAP
-            .iter()
-            .map(|&[front, high, back, low, wide]| {
-                let [front, back] = [at(front, 0.0, high), at(back, 0.0, low)];
-                Section { at: front.midpoint(back), front: (front - back) / 2.0, side: tilt * Vec3::Y * wide }
-            })
-            .collect();
-        loft(mesh, &cap, HEAD_SIDES, HAIR);
-        match (self.model.has_long_hair, self.dress) {
-            (true, Dress::Frock) => {
-                let tail = TAIL.map(|([x, up], wide)| (at(x, 0.0, up), [wide; 2]));
-                loft(mesh, &limb_sections(&tail, Vec3::X), SMALL_SIDES, HAIR);
-            }
-            (true, _) => {
-                let loose: Vec<Section> = LOOSE.iter().map(section).collect();
-                loft(mesh, &loose, HEAD_SIDES, HAIR);
-            }
-            _ => {}
-        }
-        face(mesh, &at);
+        head.draw(mesh, self.look.cut);
     }
 }
 
-/// Eyes with brows, a nose, a mouth and ears; `at` places what is so far in front, to the left and up in a head.
-fn face(mesh: &mut Mesh, at: &impl Fn(f32, f32, f32) -> Vec3) {
-    let flat = |mesh: &mut Mesh, corners: &[Vec3], finish: Finish| {
-        mesh.face(corners, &vec![Vec2::ZERO; corners.len()], finish);
-    };
-    for side in [1.0, -1.0] {
-        // Counter-clockwise on both sides.
-        let ordered = |mut corners: Vec<Vec3>| {
-            if side < 0.0 {
-                corners.reverse();
-            }
-            corners
-        };
-        let white = [
-            [0.018, 0.1785, 0.0985],
-            [0.032, 0.1735, 0.0975],
-            [0.047, 0.179, 0.0870],
-            [0.033, 0.1855, 0.0970],
-        ];
-        let iris = [
-            [0.027, 0.1745, 0.0995],
-            [0.0385, 0.1745, 0.0965],
-            [0.0385, 0.1850, 0.0965],
-            [0.027, 0.1850, 0.0990],
-        ];
-        let brow =
-            [[0.014, 0.196, 0.1005], [0.050, 0.197, 0.0865], [0.048, 0.203, 0.0870], [0.016, 0.204, 0.1000]];
-        for (shape, finish) in [(white, EYE_WHITE), (iris, EYE), (brow, HAIR)] {
-            let corners = shape.map(|[y, up, x]| at(x, y * side, up)).to_vec();
-            flat(mesh, &ordered(corners), finish);
-        }
-        // Bridge, tip, and wing of the nose.
-        let [bridge, tip, wing] =
-            [at(0.101, 0.0, 0.184), at(0.126, 0.0, 0.142), at(0.098, 0.017 * side, 0.136)];
-        flat(mesh, &ordered(vec![tip, wing, bridge]), NOSE);
-        flat(mesh, &ordered(vec![at(0.100, 0.0, 0.132), wing, tip]), NOSE);
-        let ear = [[0.128, 0.0, 0.004], [0.140, 0.010, 0.011], [0.168, 0.012, 0.019], [0.182, 0.0, 0.010]];
-        let ear: Vec<Section> = ear
-            .iter()
-            .map(|&[up, thick, deep]| Section {
-                at: at(-0.006, 0.072 * side, up),
-                front: (at(deep, 0.0, up) - at(0.0, 0.0, up)),
-                side: at(0.0, thick, up) - at(0.0, 0.0, up),
-            })
-            .collect();
-        loft(mesh, &ear, 5, SKIN);
-    }
-    let lip = |y: f32, up: f32| at(0.1005 - 9.0 * y * y, y, up);
-    for [left, right] in [[-0.024, 0.0], [0.0, 0.024]] {
-        let corners =
-            [(left, 0.1115), (right, 0.1115), (right, 0.1205), (left, 0.1195)].map(|(y, up)| lip(y, up));
-        flat(mesh, &corners, MOUTH);
-    }
+/// The seam or knitted band at the lower edge of a coat or jacket, outside of it.
+fn outside(edge: [Profile; 2]) -> [Profile; 2] {
+    const LIFT_M: f32 = 0.003;
+    edge.map(|[up, wide, deep, forward]| [up, wide + LIFT_M, deep + LIFT_M, forward])
 }
 
 /// A palm with fingers, and a thumb.
@@ -452,27 +416,28 @@ fn shoe(mesh: &mut Mesh, [knee, ankle, tip]: [Vec3; 3]) {
 
 #[cfg(test)]
 mod tests {
-    use super::super::figure::POSES;
+    use super::super::figure::{HAIR, HAT, POSES};
+    use super::super::look::{CUTS, Cut};
     use super::*;
 
-    fn bodies() -> Vec<(Model, Mesh)> {
-        let both = [false, true];
-        let models = POSES.into_iter().flat_map(|pose| {
-            both.into_iter()
-                .flat_map(move |has_long_hair| both.map(|is_light| Model { pose, has_long_hair, is_light }))
+    fn bodies() -> Vec<(Model, Look, Mesh)> {
+        let cuts = |pose| CUTS.into_iter().map(move |(has_long_hair, cut)| (pose, has_long_hair, cut));
+        let looks = POSES.into_iter().flat_map(cuts).flat_map(|(pose, has_long_hair, cut)| {
+            [false, true]
+                .map(|is_light| (Model { pose, has_long_hair, is_light }, Look { cut, has_scarf: is_light }))
         });
-        models
-            .map(|model| {
+        looks
+            .map(|(model, look)| {
                 let mut mesh = Mesh::default();
-                body(&mut mesh, model);
-                (model, mesh)
+                body(&mut mesh, model, look);
+                (model, look, mesh)
             })
             .collect()
     }
 
     #[test]
     fn faces_of_bodies_are_turned_outwards() {
-        for (model, mesh) in bodies() {
+        for (model, look, mesh) in bodies() {
             for t in mesh.indices.chunks_exact(3) {
                 let [a, b, c] = [t[0], t[1], t[2]].map(|k| mesh.vertices[k as usize]);
                 let face = (b.position - a.position).cross(c.position - a.position);
@@ -480,7 +445,7 @@ mod tests {
                 // Slivers have no direction.
                 assert!(
                     face.length() < 2e-5 || face.normalize().dot(out) > 0.0,
-                    "{model:?}: {a:?} {b:?} {c:?}"
+                    "{model:?} {look:?}: {a:?} {b:?} {c:?}"
                 );
             }
         }
@@ -488,23 +453,32 @@ mod tests {
 
     #[test]
     fn everybody_has_skin_hair_shoes_and_legs_under_what_they_wear() {
-        for (model, mesh) in bodies() {
+        for (model, look, mesh) in bodies() {
             let extent = |finish: Finish| {
                 let of = mesh.vertices.iter().filter(|v| v.finish == finish).map(|v| v.position.z);
                 of.fold([f32::INFINITY, f32::NEG_INFINITY], |[low, high], z| [low.min(z), high.max(z)])
             };
             let legs = if model.dress() == Dress::Frock { LEGS } else { TROUSERS };
-            let [shoes, legs, coat, skin, hair] = [SHOES, legs, COAT, SKIN, HAIR].map(extent);
+            let crown = match look.cut {
+                Cut::Bald => SKIN,
+                Cut::Cap | Cut::Beanie | Cut::LooseBeanie => HAT,
+                Cut::Hood => SLEEVE,
+                _ => HAIR,
+            };
+            let [shoes, legs, coat, skin, crown] = [SHOES, legs, COAT, SKIN, crown].map(extent);
             assert!(shoes[0] < legs[0] && legs[0] < coat[0], "{model:?}: {shoes:?} {legs:?} {coat:?}");
-            assert!(coat[1] < skin[1] && skin[1] < hair[1], "{model:?}: {coat:?} {skin:?} {hair:?}");
+            assert!(
+                coat[1] < skin[1] && skin[1] <= crown[1],
+                "{model:?} {look:?}: {coat:?} {skin:?} {crown:?}"
+            );
         }
     }
 
     /// A coat or frock covers the thighs of who walks.
     #[test]
     fn no_leg_is_seen_through_a_coat() {
-        for (model, mesh) in
-            bodies().into_iter().filter(|(model, _)| matches!(model.dress(), Dress::Coat | Dress::Frock))
+        for (model, _, mesh) in
+            bodies().into_iter().filter(|(model, ..)| matches!(model.dress(), Dress::Coat | Dress::Frock))
         {
             let [up, ..] = hem(model.pose);
             let finish = if model.dress() == Dress::Frock { LEGS } else { TROUSERS };

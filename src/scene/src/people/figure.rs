@@ -3,8 +3,9 @@
 use super::super::bicycles;
 use super::super::foliage::limb;
 use super::super::mesh::{Class, Finish, Mesh, Surface};
-use super::super::{CloseUp, SceneObject, hash_to_unit};
+use super::super::{CloseUp, SceneObject};
 use super::body;
+use super::look::Look;
 use glam::{Quat, Vec3};
 
 /// Sides and errors of the levels with limbs, and the error of the one without arms.
@@ -72,14 +73,14 @@ pub(super) const POSES: [Pose; 13] = [
 type Joints = [[f32; 3]; 3];
 
 /// Hanging, as seen on the left side; of who sits, less by the height of the hips.
-const HANGING: Joints = [[-0.02, 0.25, 1.12], [0.05, 0.25, 0.87], [0.06, 0.24, 0.77]];
-const SWUNG_FORWARD: Joints = [[0.07, 0.25, 1.12], [0.26, 0.21, 0.99], [0.34, 0.19, 0.94]];
-const SWUNG_BACK: Joints = [[-0.16, 0.25, 1.15], [-0.24, 0.25, 0.90], [-0.25, 0.24, 0.80]];
+const HANGING: Joints = [[-0.03, 0.222, 1.12], [0.05, 0.218, 0.88], [0.08, 0.208, 0.785]];
+const SWUNG_FORWARD: Joints = [[0.07, 0.226, 1.12], [0.24, 0.205, 0.95], [0.32, 0.190, 0.89]];
+const SWUNG_BACK: Joints = [[-0.16, 0.228, 1.15], [-0.22, 0.225, 0.90], [-0.22, 0.215, 0.80]];
 const ON_HIP: Joints = [[-0.08, 0.40, 1.14], [0.05, 0.20, 1.00], [0.09, 0.14, 0.97]];
-const IN_POCKET: Joints = [[-0.09, 0.29, 1.13], [0.04, 0.21, 0.90], [0.06, 0.17, 0.86]];
+const IN_POCKET: Joints = [[-0.09, 0.265, 1.13], [0.04, 0.21, 0.90], [0.06, 0.17, 0.86]];
 const WITH_PHONE: Joints = [[0.03, 0.23, 1.12], [0.24, 0.11, 1.21], [0.29, 0.07, 1.27]];
 const EXPLAINING: Joints = [[0.03, 0.28, 1.13], [0.22, 0.30, 1.24], [0.31, 0.30, 1.29]];
-const CARRYING: Joints = [[0.00, 0.24, 1.11], [0.02, 0.25, 0.85], [0.02, 0.25, 0.76]];
+const CARRYING: Joints = [[0.00, 0.228, 1.11], [0.02, 0.24, 0.85], [0.02, 0.24, 0.76]];
 const LEADING: Joints = [[0.00, 0.27, 1.12], [0.02, 0.33, 0.87], [0.02, 0.36, 0.78]];
 const LED: Joints = [[0.02, 0.31, 1.17], [0.03, 0.42, 1.18], [0.03, 0.46, 1.20]];
 /// Hands on the thighs, above the hips of who sits.
@@ -193,100 +194,17 @@ pub(super) const MOUTH: Finish = part(6);
 pub(super) const HAIR: Finish = part(7);
 pub(super) const EYE: Finish = part(8);
 pub(super) const BAG: Finish = part(9);
-const PHONE: Finish = part(10);
+pub(super) const PHONE: Finish = part(10);
 pub(super) const COLLAR: Finish = part(11);
 pub(super) const SHIRT: Finish = part(12);
 pub(super) const BELT: Finish = part(13);
 pub(super) const LEGS: Finish = part(14);
-pub(super) const EYE_WHITE: Finish = part(15);
+/// What is worn on the head near by, and what covers it from farther away.
+pub(super) const HAT: Finish = part(15);
+pub(super) const CROWN: Finish = part(16);
 
 const fn part(number: u8) -> Finish {
     Finish::new(Surface::Plain, [number, 0, 255], Class::Person)
-}
-
-/// Colours of a figure.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Outfit {
-    coat: [u8; 3],
-    trousers: [u8; 3],
-    hair: [u8; 3],
-    skin: [u8; 3],
-    bag: [u8; 3],
-    shirt: [u8; 3],
-    shoes: [u8; 3],
-    legs: [u8; 3],
-}
-
-const COATS: [[u8; 3]; 12] = [
-    [62, 84, 120],
-    [168, 62, 54],
-    [196, 184, 156],
-    [52, 96, 78],
-    [206, 170, 72],
-    [88, 90, 96],
-    [214, 214, 210],
-    [120, 78, 112],
-    [58, 60, 70],
-    [150, 104, 74],
-    [104, 132, 150],
-    [46, 50, 60],
-];
-const TROUSERS_OF: [[u8; 3]; 7] =
-    [[44, 46, 54], [70, 72, 80], [92, 74, 58], [58, 70, 98], [36, 38, 44], [84, 100, 130], [110, 98, 80]];
-const HAIRS: [[u8; 3]; 7] =
-    [[54, 40, 30], [30, 26, 24], [150, 146, 140], [96, 66, 40], [60, 44, 34], [170, 128, 78], [120, 62, 38]];
-const SKINS: [[u8; 3]; 6] =
-    [[214, 172, 142], [226, 186, 158], [150, 108, 82], [222, 180, 150], [188, 140, 108], [120, 84, 62]];
-const BAGS: [[u8; 3]; 5] = [[70, 52, 40], [196, 172, 120], [40, 42, 48], [150, 50, 46], [222, 216, 200]];
-const SHIRTS: [[u8; 3]; 5] = [[226, 226, 224], [186, 200, 216], [60, 62, 70], [218, 206, 182], [150, 62, 58]];
-const SHOES_OF: [[u8; 3]; 5] = [[28, 28, 30], [216, 214, 208], [84, 58, 40], [44, 40, 38], [70, 74, 84]];
-/// Tights; others have bare legs.
-const TIGHTS: [[u8; 3]; 2] = [[44, 42, 46], [74, 60, 54]];
-
-impl Outfit {
-    /// A drawn one, with another coat than that of the last person.
-    pub(super) fn drawn(seed: u32, last_coat: &mut usize) -> Self {
-        let pick = |salt: u32, of: usize| (hash_to_unit(seed, salt) * of as f32) as usize % of;
-        let mut coat = pick(8, COATS.len());
-        if coat == *last_coat {
-            coat = (coat + 1) % COATS.len();
-        }
-        *last_coat = coat;
-        let skin = SKINS[pick(14, SKINS.len())];
-        Self {
-            coat: COATS[coat],
-            trousers: TROUSERS_OF[pick(12, TROUSERS_OF.len())],
-            hair: HAIRS[pick(13, HAIRS.len())],
-            skin,
-            bag: BAGS[pick(15, BAGS.len())],
-            shirt: SHIRTS[pick(17, SHIRTS.len())],
-            shoes: SHOES_OF[pick(18, SHOES_OF.len())],
-            legs: TIGHTS.get(pick(19, 4)).copied().unwrap_or(skin),
-        }
-    }
-
-    /// The finish of a part.
-    pub(super) fn dressed(&self, part: Finish) -> Finish {
-        let (colour, tone) = match part {
-            COAT => (self.coat, 1.0),
-            SLEEVE => (self.coat, 0.92),
-            TROUSERS => (self.trousers, 1.0),
-            SHOES => (self.shoes, 1.0),
-            SKIN => (self.skin, 1.0),
-            NOSE => (self.skin, 0.94),
-            MOUTH => (self.skin, 0.62),
-            HAIR => (self.hair, 1.0),
-            BAG => (self.bag, 1.0),
-            COLLAR => (self.coat, 0.74),
-            SHIRT => (self.shirt, 1.0),
-            BELT => ([46, 36, 30], 1.0),
-            LEGS => (self.legs, 1.0),
-            EYE_WHITE => ([222, 216, 208], 1.0),
-            PHONE => ([26, 28, 32], 1.0),
-            _ => ([38, 30, 28], 1.0),
-        };
-        Finish { colour, ..part }.shaded(tone)
-    }
 }
 
 /// What a figure wears.
@@ -435,7 +353,7 @@ fn head(mesh: &mut Mesh, neck: Vec3, model: Model, sides: u32) {
     if model.has_long_hair {
         crown[0] = (above(-0.055, 0.02), 0.088);
     }
-    limb(mesh, &crown, sides, HAIR);
+    limb(mesh, &crown, sides, CROWN);
     if sides < FACE_SIDES {
         return;
     }
@@ -468,8 +386,8 @@ fn plain_figure(mesh: &mut Mesh, pose: Pose) {
     limb(mesh, &[(spine(0.60), 0.07), (spine(0.89), 0.12)], 3, SKIN);
 }
 
-/// A model at all levels of detail, its parts in the colours of parts, with a level for cameras close by or without.
-pub(super) fn object(model: Model, has_close_up: bool) -> SceneObject {
+/// A model at the levels of detail for cameras that are not close by, its parts in the colours of parts.
+pub(super) fn object(model: Model) -> SceneObject {
     let drawn = |sides: u32| {
         let mut mesh = Mesh::default();
         figure(&mut mesh, model, sides);
@@ -482,16 +400,19 @@ pub(super) fn object(model: Model, has_close_up: bool) -> SceneObject {
     let mut plain = Mesh::default();
     plain_figure(&mut plain, model.pose);
     object.add_level(plain, PLAIN_ERROR_M);
-    if !has_close_up {
-        return object;
-    }
+    object
+}
+
+/// The level of a model for cameras close by.
+pub(super) fn close_up(model: Model, look: Look) -> CloseUp {
     let mut mesh = Mesh::default();
-    body::body(&mut mesh, model);
-    object.with_close_up(CloseUp { mesh, usual_error_m: USUAL_ERROR_M, is_measured: true })
+    body::body(&mut mesh, model, look);
+    CloseUp { mesh, usual_error_m: USUAL_ERROR_M, is_measured: true }
 }
 
 #[cfg(test)]
 mod tests {
+    use super::super::look::CUTS;
     use super::*;
 
     #[test]
@@ -524,15 +445,17 @@ mod tests {
     #[test]
     fn figures_are_as_tall_as_people_and_coarser_from_afar() {
         for pose in POSES {
-            for has_long_hair in [false, true] {
-                let mut object = object(Model { pose, has_long_hair, is_light: false }, true);
+            for (has_long_hair, cut) in CUTS {
+                let model = Model { pose, has_long_hair, is_light: false };
+                let look = Look { cut, has_scarf: true };
+                let mut object = object(model).with_close_up(close_up(model, look));
                 object.show_close_up();
                 let [low, high] = object.levels[0].mesh.bounds();
                 let tall_m = if pose.is_seated() { 1.4 } else { 1.75 };
                 assert!((high.z - low.z - tall_m).abs() < 0.12, "{pose:?}: {} m", high.z - low.z);
                 let counts: Vec<usize> =
                     object.levels.iter().map(|level| level.mesh.triangle_count()).collect();
-                assert!(counts.windows(2).all(|pair| pair[1] < pair[0]) && counts[0] < 1600, "{counts:?}");
+                assert!(counts.windows(2).all(|pair| pair[1] < pair[0]) && counts[0] < 2100, "{counts:?}");
                 assert!(counts.len() >= 3 && counts[1] < 340, "{counts:?}");
             }
         }

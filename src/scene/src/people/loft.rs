@@ -21,12 +21,6 @@ impl Section {
         let (sin, cos) = (TAU * k as f32 / sides as f32).sin_cos();
         self.at + self.front * cos + self.side * sin
     }
-
-    /// Derivative of [`Self::point`].
-    fn around(&self, k: u32, sides: u32) -> Vec3 {
-        let (sin, cos) = (TAU * k as f32 / sides as f32).sin_cos();
-        self.side * cos - self.front * sin
-    }
 }
 
 /// Sections of a limb through joints with half widths across and along the direction that it faces.
@@ -44,24 +38,37 @@ pub(super) fn limb_sections(joints: &[(Vec3, [f32; 2])], facing: Vec3) -> Vec<Se
 
 /// Adds the tube through some sections, smooth, with these numbers of sides. A section without extent is a tip.
 pub(super) fn loft(mesh: &mut Mesh, sections: &[Section], sides: u32, finish: Finish) {
-    let Some(last) = sections.len().checked_sub(1) else { return };
-    let neighbours = |row: usize| [&sections[row.saturating_sub(1)], &sections[(row + 1).min(last)]];
-    let turns = |row: usize| {
+    let row = |section: &Section| (0..sides).map(|k| section.point(k, sides)).collect();
+    let rows: Vec<Vec<Vec3>> = sections.iter().map(row).collect();
+    tube(mesh, &rows, finish);
+}
+
+/// Adds the tube through closed rows of as many points each, smooth. A row all of whose points are the same is a tip.
+pub(super) fn tube(mesh: &mut Mesh, rows: &[Vec<Vec3>], finish: Finish) {
+    let Some(last) = rows.len().checked_sub(1) else { return };
+    let sides = rows[0].len();
+    let middle = |row: usize| rows[row].iter().sum::<Vec3>() / sides as f32;
+    let neighbours = |row: usize| [row.saturating_sub(1), (row + 1).min(last)];
+    let normal = |row: usize, k: usize| {
+        let around = rows[row][(k + 1) % sides] - rows[row][(k + sides - 1) % sides];
         let [before, after] = neighbours(row);
-        sections[row].front.cross(sections[row].side).dot(after.at - before.at)
+        around.cross(rows[after][k] - rows[before][k])
     };
-    // Whether sections are listed against the direction about which their axes turn.
+    let turns = |row: usize| {
+        let centre = middle(row);
+        (0..sides).map(|k| normal(row, k).dot(rows[row][k] - centre)).sum::<f32>()
+    };
+    // Whether rows are listed against the direction about which their points turn.
     let is_reversed = (0..=last).map(turns).sum::<f32>() < 0.0;
     let sign = if is_reversed { -1.0 } else { 1.0 };
     let base = mesh.vertices.len() as u32;
-    for (row, section) in sections.iter().enumerate() {
+    for (row, points) in rows.iter().enumerate() {
         let [before, after] = neighbours(row);
-        let tip = if row == 0 { section.at - after.at } else { section.at - before.at };
-        for k in 0..sides {
-            let along = after.point(k, sides) - before.point(k, sides);
-            let out = section.around(k, sides).cross(along) * sign;
+        let tip = middle(row) - middle(if row == 0 { after } else { before });
+        for (k, &position) in points.iter().enumerate() {
+            let out = normal(row, k) * sign;
             mesh.vertex(Vertex {
-                position: section.point(k, sides),
+                position,
                 normal: out.try_normalize().unwrap_or_else(|| tip.normalize_or(Vec3::Z)),
                 uv: Vec2::ZERO,
                 finish,
@@ -69,7 +76,8 @@ pub(super) fn loft(mesh: &mut Mesh, sections: &[Section], sides: u32, finish: Fi
             });
         }
     }
-    let is_tip = |row: usize| sections[row].front == Vec3::ZERO;
+    let is_tip = |row: usize| rows[row].iter().all(|point| *point == rows[row][0]);
+    let sides = sides as u32;
     for row in 1..=last {
         for k in 0..sides {
             let below = base + (row as u32 - 1) * sides;

@@ -3,7 +3,9 @@
 
 mod body;
 mod figure;
+mod head;
 mod loft;
+mod look;
 
 use super::bicycles;
 use super::crossings::{Crossing, DEEP_M};
@@ -12,8 +14,9 @@ use super::mesh::Mesh;
 use super::places::{KerbRow, Places, along_kerb, is_island};
 use super::{LodMesh, SceneObject, hash_to_unit};
 use city3d_roadmap::{CityMap, SceneryKind};
-use figure::{Model, Outfit, POSES, Pose};
+use figure::{Model, POSES, Pose};
 use glam::{Affine3A, DVec2, Quat, Vec3};
+use look::{Look, Outfit};
 use std::f32::consts::{PI, TAU};
 
 /// Where people are along a kerb.
@@ -82,6 +85,7 @@ struct Person {
 /// The people of a city so far.
 struct Crowd {
     models: Vec<(Model, SceneObject)>,
+    has_close_ups: bool,
     bicycle: SceneObject,
     last_coat: usize,
     objects: Vec<SceneObject>,
@@ -94,10 +98,10 @@ impl Crowd {
             let with = move |has_long_hair| both.map(|is_light| Model { pose, has_long_hair, is_light });
             both.into_iter().flat_map(with)
         };
-        let models =
-            POSES.into_iter().flat_map(of).map(|model| (model, figure::object(model, has_close_ups)));
+        let models = POSES.into_iter().flat_map(of).map(|model| (model, figure::object(model)));
         Self {
             models: models.collect(),
+            has_close_ups,
             bicycle: bicycles::bicycle(),
             last_coat: usize::MAX,
             objects: Vec::new(),
@@ -109,10 +113,15 @@ impl Crowd {
             [(1, 0.5), (20, 0.45)].map(|(salt, share)| hash_to_unit(seed, salt) < share);
         let wanted = Model { pose: person.pose, has_long_hair, is_light };
         let Some((_, model)) = self.models.iter().find(|(model, _)| *model == wanted) else { return };
-        let outfit = Outfit::drawn(seed, &mut self.last_coat);
+        let look = Look::drawn(seed, wanted);
+        let outfit = Outfit::drawn(seed, look, &mut self.last_coat);
         let turn = Quat::from_rotation_z(person.yaw_rad);
         let at = person.at.as_vec2().extend(height_m);
         let here = Affine3A::from_scale_rotation_translation(Vec3::splat(person.tall), turn, at);
+        let mut model = model.clone();
+        if self.has_close_ups {
+            model = model.with_close_up(figure::close_up(wanted, look));
+        }
         let mut object = model.placed(here, |part| outfit.dressed(part));
         object.levels.push(LodMesh { mesh: Mesh::default(), error_m: UNDRAWN_M });
         self.objects.push(object);
