@@ -37,8 +37,8 @@ use held::HeldOutside;
 use passage::throughput_per_h;
 use std::sync::Arc;
 use surrogate::LaneOccupants;
-pub(crate) use tracked::PARKED_MOVES_M;
 use tracked::Moves;
+pub(crate) use tracked::PARKED_MOVES_M;
 
 /// Least time between two samples of positions along routes. Times of passing are interpolated between them.
 const SAMPLE_S: f64 = 0.05;

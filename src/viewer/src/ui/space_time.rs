@@ -67,8 +67,10 @@ pub(super) fn show(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>) {
     });
     let bands = bands(route, &diagram);
     keys(ui, &bands);
-    plot(ui, height, state.preferences.units.figure_scale(), factor)
-        .show(ui, |plot| diagram.draw(plot, &bands));
+    let scale = state.preferences.units.figure_scale();
+    let (axis, _) = value_axis_of(scale, factor);
+    ui.label(RichText::new(axis).size(theme::SMALL));
+    plot(ui, height, scale, factor).show(ui, |plot| diagram.draw(plot, &bands));
 }
 
 /// A stretch of the route that is in a conflict zone, metres ahead.
@@ -122,6 +124,14 @@ fn keys(ui: &mut Ui, bands: &[Band]) {
     });
 }
 
+/// Name of the axis of places, which is above it, and its metres for one of the city.
+fn value_axis_of(scale: FigureScale, factor: f64) -> (&'static str, f64) {
+    match scale {
+        FigureScale::City | FigureScale::CityMetresPerSecond => (CITY_AXIS, 1.0),
+        FigureScale::Laboratory => (LAB_AXIS, 1.0 / factor),
+    }
+}
+
 /// The axes, named as those of the figures of `city3d plot` and in the metres of the settings; `factor` is that of the scale.
 fn plot(ui: &Ui, height: f32, scale: FigureScale, factor: f64) -> Plot<'static> {
     let small = |text: &str| RichText::new(text).size(theme::SMALL);
@@ -132,13 +142,13 @@ fn plot(ui: &Ui, height: f32, scale: FigureScale, factor: f64) -> Plot<'static> 
             ago => format!("{ago:.0}"),
         });
     let time = time.label(small(TIME_AXIS));
-    let (label, per_city_m) = match scale {
-        FigureScale::City | FigureScale::CityMetresPerSecond => (CITY_AXIS, 1.0),
-        FigureScale::Laboratory => (LAB_AXIS, 1.0 / factor),
-    };
+    let (_, per_city_m) = value_axis_of(scale, factor);
     let decimal = theme::decimal(ui.ctx());
-    let value = theme::value_axis(ui).formatter(move |mark, _| decimal.plain(mark.value * per_city_m));
-    let value = value.label(small(label));
+    let value = theme::value_axis(ui).formatter(move |mark, _| match mark.value {
+        // It would touch the first mark of the time.
+        lowest if lowest < 1.0 - BEHIND_M => String::new(),
+        value => decimal.plain(value * per_city_m),
+    });
     Plot::new("space-time")
         .height(height)
         .width(ui.clip_rect().right() - ui.cursor().left())

@@ -128,6 +128,10 @@ impl LiveFigures {
             until_s: until_s.filter(|_| charts.span != ChartSpan::Whole),
         };
         if self.wanted.as_ref() != Some(&wanted) {
+            // What was saved is another chart than the one that is shown from now on.
+            if self.wanted.as_ref().is_some_and(|shown| shown.charts != wanted.charts) {
+                self.last_saved = None;
+            }
             (self.figure, self.trouble) = match self.draw(&wanted, false) {
                 Ok(figure) => (figure.map(|figure| self.bodies.painted(figure)), None),
                 Err(trouble) => (None, Some(trouble)),
