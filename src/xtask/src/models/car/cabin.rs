@@ -3,7 +3,7 @@
 use super::shape::{CarShape, Rear};
 use super::{
     CarDetail, DASHBOARD, GLASS, HALF_M, PAINT, PLASTIC, PrimitiveBuilder, SEAM, StaticMaterial, TINTED,
-    WIPER, body, close,
+    WIPER, close,
 };
 use glam::Vec3;
 
