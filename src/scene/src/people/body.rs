@@ -158,7 +158,10 @@ impl Figure {
         match self.dress {
             Dress::Shirt => self.band(mesh, &PELVIS, TROUSERS),
             // Its top would be seen through a jacket.
-            Dress::Jacket => self.band(mesh, &PELVIS[..3], TROUSERS),
+            Dress::Jacket => {
+                let seen = if self.pose.is_seated() { 4 } else { 3 };
+                self.band(mesh, &PELVIS[..seen], TROUSERS);
+            }
             Dress::Coat | Dress::Frock => {}
         }
         match self.dress {
@@ -288,7 +291,11 @@ impl Figure {
         // What is worn over it hides the upper part, which ends a little over the hem.
         let hidden = match self.dress {
             _ if self.pose.is_seated() => 0.0,
-            Dress::Coat | Dress::Frock => hem(self.pose)[0] / (knee.z - hip.z) - 0.03,
+            Dress::Coat | Dress::Frock => {
+                let share = hem(self.pose)[0] / (knee.z - hip.z);
+                // A leg far in front would stand out of the coat higher up.
+                if share > 0.85 { share - 0.03 } else { 0.70 }
+            }
             Dress::Jacket => 0.22,
             Dress::Shirt => 0.12,
         };
@@ -299,7 +306,8 @@ impl Figure {
             .chain(SHIN.iter().map(|part| joint(knee, ankle, part)))
             .collect();
         if !self.pose.is_seated() {
-            joints[0].1 = joints[0].1.map(|half| 0.84 * half);
+            let share = if matches!(self.dress, Dress::Coat | Dress::Frock) { 0.78 } else { 0.80 };
+            joints[0].1 = joints[0].1.map(|half| share * half);
         }
         let finish = if is_bare { LEGS } else { TROUSERS };
         loft(mesh, &limb_sections(&joints, facing), LIMB_SIDES, finish);

@@ -280,7 +280,7 @@ pub(super) fn belongings(mesh: &mut Mesh, pose: Pose, is_near: bool) {
 
 /// A figure of 1.75 m that looks along x, its feet at the origin, or its seat if it sits; `sides` are those of its
 /// trunk.
-fn figure(mesh: &mut Mesh, model: Model, sides: u32) {
+fn figure(mesh: &mut Mesh, model: Model, has_loose_hair: bool, sides: u32) {
     let pose = model.pose;
     let few = sides.saturating_sub(1).max(3);
     let hips = pose.hips();
@@ -328,12 +328,12 @@ fn figure(mesh: &mut Mesh, model: Model, sides: u32) {
             if is_long && vertex.position.z < hips.z { (deep / wide, forward) } else { (DEPTH, 0.0) };
         vertex.position.x = middle + forward + depth * (vertex.position.x - middle);
     }
-    head(mesh, spine(0.60), model, sides);
+    head(mesh, spine(0.60), (pose, has_loose_hair), sides);
 }
 
 /// Neck, head, hair, and a face on fine ones.
-fn head(mesh: &mut Mesh, neck: Vec3, model: Model, sides: u32) {
-    let [nod, turn_rad] = model.pose.head();
+fn head(mesh: &mut Mesh, neck: Vec3, (pose, has_loose_hair): (Pose, bool), sides: u32) {
+    let [nod, turn_rad] = pose.head();
     let turn = Quat::from_rotation_z(turn_rad);
     let above = |x: f32, up: f32| neck + turn * Vec3::new(x + nod * up, 0.0, up * (1.0 - 0.3 * nod));
     let skull = [
@@ -350,7 +350,7 @@ fn head(mesh: &mut Mesh, neck: Vec3, model: Model, sides: u32) {
         (above(0.0, 0.27), 0.07),
         (above(0.0, 0.29), 0.0),
     ];
-    if model.has_long_hair {
+    if has_loose_hair {
         crown[0] = (above(-0.055, 0.02), 0.088);
     }
     limb(mesh, &crown, sides, CROWN);
@@ -387,10 +387,10 @@ fn plain_figure(mesh: &mut Mesh, pose: Pose) {
 }
 
 /// A model at the levels of detail for cameras that are not close by, its parts in the colours of parts.
-pub(super) fn object(model: Model) -> SceneObject {
+pub(super) fn object(model: Model, has_loose_hair: bool) -> SceneObject {
     let drawn = |sides: u32| {
         let mut mesh = Mesh::default();
-        figure(&mut mesh, model, sides);
+        figure(&mut mesh, model, has_loose_hair, sides);
         mesh
     };
     let mut object = SceneObject::of_one_level(drawn(FACE_SIDES));
@@ -448,7 +448,7 @@ mod tests {
             for (has_long_hair, cut) in CUTS {
                 let model = Model { pose, has_long_hair, is_light: false };
                 let look = Look { cut, has_scarf: true };
-                let mut object = object(model).with_close_up(close_up(model, look));
+                let mut object = object(model, cut.is_loose()).with_close_up(close_up(model, look));
                 object.show_close_up();
                 let [low, high] = object.levels[0].mesh.bounds();
                 let tall_m = if pose.is_seated() { 1.4 } else { 1.75 };

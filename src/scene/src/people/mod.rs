@@ -84,7 +84,8 @@ struct Person {
 
 /// The people of a city so far.
 struct Crowd {
-    models: Vec<(Model, SceneObject)>,
+    /// With loose hair, or with other.
+    models: Vec<((Model, bool), SceneObject)>,
     has_close_ups: bool,
     bicycle: SceneObject,
     last_coat: usize,
@@ -98,7 +99,10 @@ impl Crowd {
             let with = move |has_long_hair| both.map(|is_light| Model { pose, has_long_hair, is_light });
             both.into_iter().flat_map(with)
         };
-        let models = POSES.into_iter().flat_map(of).map(|model| (model, figure::object(model)));
+        let models = POSES
+            .into_iter()
+            .flat_map(of)
+            .flat_map(|model| both.map(|is_loose| ((model, is_loose), figure::object(model, is_loose))));
         Self {
             models: models.collect(),
             has_close_ups,
@@ -112,8 +116,9 @@ impl Crowd {
         let [has_long_hair, is_light] =
             [(1, 0.5), (20, 0.45)].map(|(salt, share)| hash_to_unit(seed, salt) < share);
         let wanted = Model { pose: person.pose, has_long_hair, is_light };
-        let Some((_, model)) = self.models.iter().find(|(model, _)| *model == wanted) else { return };
         let look = Look::drawn(seed, wanted);
+        let key = (wanted, look.cut.is_loose());
+        let Some((_, model)) = self.models.iter().find(|(of, _)| *of == key) else { return };
         let outfit = Outfit::drawn(seed, look, &mut self.last_coat);
         let turn = Quat::from_rotation_z(person.yaw_rad);
         let at = person.at.as_vec2().extend(height_m);
