@@ -212,6 +212,11 @@ impl FlatLight {
 }
 
 impl Light {
+    /// Direction of the sun or the moon, where neither clouds nor fog hide it.
+    pub(super) fn sun_seen(&self) -> Option<Vec3> {
+        (!self.is_overcast).then_some(self.to_sun)
+    }
+
     /// Whether lamps are on.
     pub(super) fn is_lamplit(&self) -> bool {
         self.lamps > 0.0

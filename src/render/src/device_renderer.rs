@@ -161,7 +161,13 @@ impl DeviceRenderer {
             vehicles: VehiclePass::new(device, attachments, (&frame_constants, &constants), groups),
             contact: ContactPass::new(device, attachments, &frame.layout),
             standing: (!vertex_lit).then(|| {
-                StandingPass::new(device, attachments, &frame.layout, scene, (textures.light.to_sun, lamplit))
+                StandingPass::new(
+                    device,
+                    attachments,
+                    &frame.layout,
+                    scene,
+                    (textures.light.sun_seen(), lamplit),
+                )
             }),
             sky: SkyPass::new(context, attachments, textures, groups),
             glow: lamplit.then(|| {

@@ -9,8 +9,8 @@ const RAIN_DENSITY: f32 = 1.0 / 420.0;
 const FOG_DENSITY: f32 = 1.0 / 85.0;
 
 /// Share of the sky that clouds or fog cover.
-const RAIN_COVER: f32 = 0.94;
-const FOG_COVER: f32 = 0.85;
+const RAIN_COVER: f32 = 0.98;
+const FOG_COVER: f32 = 0.96;
 
 /// What the lamps of the town add to clouds at night, as displayed.
 const TOWN_GLOW_SRGB: [f32; 3] = [0.046, 0.028, 0.006];

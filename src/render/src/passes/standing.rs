@@ -46,6 +46,8 @@ const SKY_SHARE: f32 = 0.70;
 const LAMP_SHARE: f32 = 0.92;
 /// Share of the light that the shadow of a tree takes, how far its soft edge reaches, and its greatest length in crown radii.
 const TREE_SHARE: f32 = 0.62;
+/// The same without a sun.
+const UNDER_CLOUDS: f32 = 0.30;
 const SOFT: f32 = 1.25;
 const LONGEST_OF_TREE: f32 = 4.0;
 /// Light between the lamps, in units of [`lamplight`].
@@ -130,8 +132,11 @@ impl Footprint {
     }
 }
 
-/// The shadow of a tree in the light of the sun.
-fn shadow_of(tree: &TreeShade, to_sun: Vec3) -> Patch {
+/// The shadow of a tree in the light of the sun, or under clouds.
+fn shadow_of(tree: &TreeShade, to_sun: Option<Vec3>) -> Patch {
+    let share = if to_sun.is_some() { TREE_SHARE } else { UNDER_CLOUDS };
+    // The sky above all is brightest at the zenith.
+    let to_sun = to_sun.unwrap_or(Vec3::Z);
     let away = -to_sun.truncate();
     let steepness = to_sun.z.max(0.02) / away.length().max(1e-3);
     let TreeShade { foot, radius_m, height_m } = *tree;
@@ -141,7 +146,7 @@ fn shadow_of(tree: &TreeShade, to_sun: Vec3) -> Patch {
     let ahead = away.normalize_or(Vec2::X);
     let middle = foot + (ahead * far_m).extend(OVER_GROUND_M);
     Patch {
-        at: middle.extend(TREE_SHARE).to_array(),
+        at: middle.extend(share).to_array(),
         axes: [ahead.x, ahead.y, radius_m.max(longer_m) * SOFT, radius_m * SOFT],
         fades: 0.0,
     }
@@ -170,7 +175,7 @@ impl StandingPass {
         attachments: Attachments,
         frame: &wgpu::BindGroupLayout,
         scene: &SceneDescription,
-        (to_sun, is_lamplit): (Vec3, bool),
+        (to_sun, is_lamplit): (Option<Vec3>, bool),
     ) -> Self {
         let lamps: &[Vec3] = if is_lamplit { &scene.lamps } else { &[] };
         let feet = scene.objects.iter().filter_map(Footprint::of);

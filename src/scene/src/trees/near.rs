@@ -8,14 +8,14 @@ use std::f32::consts::{PI, TAU};
 
 /// What is dark inside: its size as a share of the clumps, faces around and up, brightness and openness as shares.
 const INSIDE: f32 = 0.50;
-const INSIDE_FACES: [u32; 2] = [6, 3];
+const INSIDE_FACES: [u32; 2] = [5, 2];
 const INSIDE_TONE: f32 = 0.92;
 const INSIDE_OPEN: f32 = 0.80;
 /// Length of a spray, and what is added for a clump of half width 1; its width as a share, as in `sprays.wgsl`.
 const SPRAY_M: [f32; 2] = [0.135, 0.215];
 const SPRAY_WIDE: f32 = 0.86;
 /// Area of all sprays of a clump as a share of its surface.
-const COVER: f32 = 1.38;
+const COVER: f32 = 1.29;
 /// Texture coordinates from which on a leaf is on a spray, which has one cell of them, as in `sprays.wgsl`; and cells to a side.
 pub(super) const SPRAY_UV: f32 = 1024.0;
 const SPRAY_CELLS: f32 = 64.0;

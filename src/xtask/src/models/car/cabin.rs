@@ -200,10 +200,7 @@ fn rear_pane(builder: &mut PrimitiveBuilder, [low, high]: [f32; 2], at: impl Fn(
     // Light falls on the floor through the windows of the cab.
     let dim = |p: Vec3| (150.0 - 130.0 * up(p)) as u8;
     fan(ring(0.0, -0.001), LOAD, &dim);
-    // Glass against the sun mirrors more than one sheet.
-    for layer in [1.0, 2.0] {
-        fan(ring(0.0, -0.001 - 0.001 * layer), GLASS, &|_| 240);
-    }
+    fan(ring(0.0, -0.002), GLASS, &|_| 240);
     let rings = [ring(0.034, 0.002), ring(0.024, -0.012), ring(0.004, -0.012), ring(-0.004, -0.002)];
     for pair in rings.windows(2) {
         for k in 0..8 {
