@@ -14,7 +14,7 @@ const FOG_COVER: f32 = 0.96;
 
 /// What the lamps of the town add to clouds at night, as displayed.
 const TOWN_GLOW_SRGB: [f32; 3] = [0.046, 0.028, 0.006];
-/// The same of fog, which is among the lamps, over that of clouds.
+/// Brightness of fog, which is among the lamps, over that; it is nearly grey.
 const FOG_GLOW: f32 = 2.6;
 
 /// How wet the ground is, 0 to 1.
@@ -39,9 +39,10 @@ pub(super) fn fog_density(weather: Weather, clear: f32) -> f32 {
 pub(super) fn light_in(weather: Weather, clear: Light) -> Light {
     match weather {
         Weather::Clear => clear,
-        Weather::Rain => overcast(clear, RAIN_COVER, [1.0, 1.0]),
+        Weather::Rain => overcast(clear, RAIN_COVER, 1.0, TOWN_GLOW_SRGB),
         Weather::Fog => {
-            let light = overcast(clear, FOG_COVER, [0.94, FOG_GLOW]);
+            let fog_glow = towards_grey(TOWN_GLOW_SRGB, 0.85).map(|channel| channel * FOG_GLOW);
+            let light = overcast(clear, FOG_COVER, 0.94, fog_glow);
             // Neither clouds nor hills are seen.
             Light { clouds_seen: 0.0, hills_srgb: light.haze_srgb, ..light }
         }
@@ -49,14 +50,13 @@ pub(super) fn light_in(weather: Weather, clear: Light) -> Light {
 }
 
 /// Clouds scatter the light of the sun over the sky, which has one grey; `brightness` is that of the horizon, as displayed,
-/// over that of clear weather, `town_glow` that of the town's lamps at night over that of clouds.
-fn overcast(clear: Light, cover: f32, [brightness, town_glow]: [f32; 2]) -> Light {
+/// over that of clear weather; `town_glow_srgb` is what the lamps of the town add at night.
+fn overcast(clear: Light, cover: f32, brightness: f32, town_glow_srgb: [f32; 3]) -> Light {
     let scattered = luminance(clear.sun) * clear.to_sun.z.max(0.0) * cover;
     // At night the lamps of the town light clouds from below.
     let darkness = ((0.30 - luminance(clear.haze_srgb)) / 0.18).clamp(0.0, 1.0);
     let grey = towards_grey(clear.haze_srgb, cover).map(|channel| channel * brightness);
-    let horizon: [f32; 3] =
-        std::array::from_fn(|k| grey[k] + TOWN_GLOW_SRGB[k] * (town_glow * darkness * cover));
+    let horizon: [f32; 3] = std::array::from_fn(|k| grey[k] + town_glow_srgb[k] * darkness * cover);
     let above = horizon.map(|channel| channel * 0.86);
     let sky =
         towards_grey(clear.sky, 0.75 * cover).map(|channel| channel * (1.0 - 0.4 * cover) + 0.35 * scattered);

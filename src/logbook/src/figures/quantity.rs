@@ -266,8 +266,8 @@ fn gaps(trace: &Trace, all: &[Trace], experiment: &Experiment) -> Vec<(f64, f64)
                 }
                 None if own.pose.position.distance(state.pose.position) < FOLLOWED_M => {
                     let on_lanes = |at: DVec2| finder.lanes_under(&experiment.city_map, at);
-                    ends(state, length_m).into_iter().for_each(|end| {
-                        for (lane, at_m, _) in on_lanes(end) {
+                    body_points(state, length_m).into_iter().for_each(|at| {
+                        for (lane, at_m, _) in on_lanes(at) {
                             starts.get(&lane).into_iter().flatten().for_each(|start_m| count(start_m + at_m));
                         }
                     });
@@ -279,9 +279,9 @@ fn gaps(trace: &Trace, all: &[Trace], experiment: &Experiment) -> Vec<(f64, f64)
     trace.samples.iter().map(|sample| sample.time_s).zip(gaps).collect()
 }
 
-/// Rear and front of a vehicle, which may be in the way of others while its axles are on a lane of its own.
-fn ends(state: &TraceSample, length_m: f64) -> [DVec2; 2] {
-    [-0.5, 0.5].map(|share| state.pose.point_at(share * length_m, 0.0))
+/// Points along a vehicle, which may be in the way of others while its axles are on a lane of its own.
+fn body_points(state: &TraceSample, length_m: f64) -> [DVec2; 4] {
+    [-0.5, -0.17, 0.17, 0.5].map(|share| state.pose.point_at(share * length_m, 0.0))
 }
 
 /// The lanes of a trace, sample by sample.

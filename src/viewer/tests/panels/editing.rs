@@ -81,13 +81,13 @@ fn a_lane_that_is_added_to_a_route_comes_into_sight() {
 #[test]
 fn beside_a_lab_vehicle_all_start_from_rest() {
     let mut harness = harness(editing());
-    assert!(!has_text(&harness, "0: from rest"));
+    assert!(!has_text(&harness, "0 (lab vehicles start from rest)"));
     harness.state_mut().change(|now| {
         let roster = Arc::make_mut(&mut now.roster);
         roster[0].model = "measured".to_owned();
     });
     harness.run_steps(4);
-    harness.get_by_label("0: from rest");
+    harness.get_by_label("0 (lab vehicles start from rest)");
 }
 
 #[test]
