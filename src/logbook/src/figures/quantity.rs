@@ -441,7 +441,6 @@ mod tests {
     use super::super::run::TraceBuilder;
     use super::*;
     use crate::record::LogOrigin;
-    use city3d_protocol::snapshot::VehicleId;
     use city3d_simulation::measures::{LaneFinder, TrafficPlace};
     use city3d_simulation::runner::Run;
     use city3d_simulation::scenario::{Library, Overrides, read_experiment};
