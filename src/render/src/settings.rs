@@ -110,8 +110,8 @@ impl Quality {
         contact_steps: 0,
         jitter_samples: 0,
         shadow_texels: 2048,
-        lod_error_px: 5.0,
-        vehicle_lod_error_px: 3.0,
+        lod_error_px: 7.6,
+        vehicle_lod_error_px: 3.8,
         min_size_px: 2.0,
     };
 }
