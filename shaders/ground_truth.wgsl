@@ -55,7 +55,8 @@ fn instanced_main(
     return project(world, labels_of(material));
 }
 
-struct LeafFragment {
+// A surface of which a part is left out, by its texture coordinates.
+struct PartFragment {
     @builtin(position) clip: vec4<f32>,
     @location(0) depth: f32,
     @location(1) @interpolate(flat) labels: vec2<u32>,
@@ -63,14 +64,14 @@ struct LeafFragment {
 }
 
 @vertex
-fn leaf_main(@location(0) position: vec3<f32>, @location(3) uv: vec2<f32>, @location(4) material: u32) -> LeafFragment {
-    let leaf = project(position, labels_of(material));
-    return LeafFragment(leaf.clip, leaf.depth, leaf.labels, uv);
+fn part_main(@location(0) position: vec3<f32>, @location(3) uv: vec2<f32>, @location(4) material: u32) -> PartFragment {
+    let whole = project(position, labels_of(material));
+    return PartFragment(whole.clip, whole.depth, whole.labels, uv);
 }
 
 // What is between the leaves of a spray is not there.
 @fragment
-fn leaf_fragment(in: LeafFragment) -> Pixel {
+fn leaf_fragment(in: PartFragment) -> Pixel {
     let pixel = pixel_in_sprays(dpdx(in.uv), dpdy(in.uv));
     if is_spray(in.uv) && spray_leaf(in.uv, pixel).cover < 0.5 {
         discard;
@@ -78,28 +79,11 @@ fn leaf_fragment(in: LeafFragment) -> Pixel {
     return Pixel(in.depth, in.labels);
 }
 
-struct LineFragment {
-    @builtin(position) clip: vec4<f32>,
-    @location(0) depth: f32,
-    @location(1) @interpolate(flat) labels: vec2<u32>,
-    // Distance from the centre line and half the width, metres.
-    @location(2) at: vec2<f32>,
-}
-
-@vertex
-fn line_main(
-    @location(0) position: vec3<f32>,
-    @location(3) at: vec2<f32>,
-    @location(4) material: u32,
-) -> LineFragment {
-    let line = project(position, labels_of(material));
-    return LineFragment(line.clip, line.depth, line.labels, at);
-}
-
-// The mesh of a line is wider than its paint, for anti-aliasing; outside the paint the road below counts.
+// The mesh of a line is wider than its paint, for anti-aliasing; outside the paint the road below counts. Its coordinates are
+// the distance from the centre line and half the width, metres.
 @fragment
-fn line_fragment(in: LineFragment) -> Pixel {
-    if abs(in.at.x) > in.at.y {
+fn line_fragment(in: PartFragment) -> Pixel {
+    if abs(in.uv.x) > in.uv.y {
         discard;
     }
     return Pixel(in.depth, in.labels);

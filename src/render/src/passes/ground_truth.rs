@@ -70,8 +70,8 @@ impl GroundTruthPass {
         Self {
             city: pipeline(city, &[Some(city::gpu_data::LAYOUT)]),
             ground: made(city, &[Some(city::gpu_data::LAYOUT)], None),
-            leaves: pipeline(["leaf_main", "leaf_fragment"], &[Some(city::gpu_data::LAYOUT)]),
-            lines: pipeline(["line_main", "line_fragment"], &[Some(city::gpu_data::LAYOUT)]),
+            leaves: pipeline(["part_main", "leaf_fragment"], &[Some(city::gpu_data::LAYOUT)]),
+            lines: pipeline(["part_main", "line_fragment"], &[Some(city::gpu_data::LAYOUT)]),
             instanced: pipeline(
                 ["instanced_main", "fragment_main"],
                 &[Some(city::gpu_data::LAYOUT), Some(city::gpu_data::PLACEMENT_LAYOUT)],
