@@ -10,7 +10,7 @@ use super::woods::Woods;
 use city3d_geometry::point_in_polygon;
 use glam::{DVec2, Vec2};
 use rustc_hash::FxHashMap;
-use spade::handles::{FaceHandle, FixedFaceHandle, FixedVertexHandle, InnerTag};
+use spade::handles::{FaceHandle, FixedVertexHandle, InnerTag};
 use spade::{CdtEdge, Triangulation};
 
 /// Distances of the rings of corners beyond the patchwork from the town, and where the land ends.
@@ -46,18 +46,14 @@ type Face<'p> = FaceHandle<'p, InnerTag, Spot, (), CdtEdge<()>, ()>;
 
 /// What a triangle is, beside what its neighbours are: where no line parts it from two that are alike, it is a wedge of something
 /// else in them, for it reaches across a boundary that had no room.
-fn without_wedge(
-    face: &Face<'_>,
-    own: Cover,
-    cover_of: impl Fn(FixedFaceHandle<InnerTag>) -> Option<Cover>,
-) -> Cover {
+fn without_wedge(face: &Face<'_>, own: Cover, covers: &[Option<Cover>]) -> Cover {
     let grows = |cover: Cover| matches!(cover, Cover::Field(_) | Cover::Wood);
     if !grows(own) {
         return own;
     }
     let open = face.adjacent_edges().into_iter().filter(|edge| !edge.is_constraint_edge());
     let beside: Vec<Cover> = open
-        .filter_map(|edge| cover_of(edge.rev().face().as_inner()?.fix()))
+        .filter_map(|edge| covers[edge.rev().face().index()])
         .filter(|&cover| grows(cover) && cover != own)
         .collect();
     let is_common = |cover: &&Cover| beside.iter().filter(|other| other == cover).count() > 1;
@@ -228,17 +224,17 @@ impl LandSheet<'_> {
     fn mesh_of(&self, plan: &Plan) -> Mesh {
         let mut mesh = Mesh::default();
         let mut known: FxHashMap<(FixedVertexHandle, Cover), u32> = FxHashMap::default();
-        let mut covers: FxHashMap<_, _> =
-            plan.inner_faces().filter_map(|face| Some((face.fix(), self.cover_of(&face)?))).collect();
+        // By number of the triangle.
+        let mut covers = vec![None; plan.num_all_faces()];
+        plan.inner_faces().for_each(|face| covers[face.index()] = self.cover_of(&face));
         for _ in 0..WEDGE_PASSES {
-            let cleared = plan.inner_faces().filter_map(|face| {
-                let own = *covers.get(&face.fix())?;
-                Some((face.fix(), without_wedge(&face, own, |other| covers.get(&other).copied())))
-            });
-            covers = cleared.collect();
+            let before = covers.clone();
+            for face in plan.inner_faces() {
+                covers[face.index()] = before[face.index()].map(|own| without_wedge(&face, own, &before));
+            }
         }
         for face in plan.inner_faces() {
-            let Some(&cover) = covers.get(&face.fix()) else { continue };
+            let Some(cover) = covers[face.index()] else { continue };
             for corner in face.vertices() {
                 let index = *known
                     .entry((corner.fix(), cover))
