@@ -20,7 +20,7 @@ const COVER: f32 = 1.29;
 pub(super) const SPRAY_UV: f32 = 1024.0;
 const SPRAY_CELLS: f32 = 64.0;
 /// How much of its cell a spray takes, so that its corners are in no other one.
-pub(super) const INSIDE_CELL: f32 = 0.98;
+const INSIDE_CELL: f32 = 0.98;
 /// Where sprays begin and how far out they may, as shares of the radius of a clump.
 const FEET: [f32; 2] = [0.40, 0.54];
 /// Twigs at the end of a branch.
@@ -145,21 +145,29 @@ fn add(mesh: &mut Mesh, crown: &Crown, spray: &Spray) {
     let (sin, cos) = roll.sin_cos();
     let across = across * cos + ahead.cross(across) * sin;
     let over = across.cross(ahead);
-    // Across and along as shares, and how far it is bent down.
-    const OUTLINE: [[f32; 3]; 4] = [[0.0, 0.0, 0.0], [0.5, 0.5, -0.07], [0.0, 1.0, 0.0], [-0.5, 0.5, -0.07]];
-    let corner = |[aside, far, bent]: [f32; 3]| {
-        foot + along * far + across * (aside * SPRAY_WIDE * length) + over * (bent * length)
+    // Bent down at its sides.
+    let corner = |[aside, far]: [f32; 2]| {
+        foot + along * far + across * (aside * SPRAY_WIDE * length) - over * (0.14 * aside.abs() * length)
     };
     let normal = (over * 0.75 + out * 0.5).normalize_or(out);
-    let base = mesh.vertices.len() as u32;
-    for part in OUTLINE {
-        let place = Vec2::new(part[0], part[1] - 0.5) * INSIDE_CELL + Vec2::new(0.0, 0.5);
-        let facing = normal + across * (0.7 * part[0]) + ahead * (0.5 * (part[1] - 0.5));
+    rhombus(mesh, spray.cell, |[aside, far], uv| {
+        let facing = normal + across * (0.7 * aside) + ahead * (0.5 * (far - 0.5));
         // Younger leaves at the tip are brighter, and see more of the sky.
-        let tone = spray.tone * (0.90 + 0.20 * part[1]);
-        let mut vertex = crown.leaf(corner(part), facing, spray.cell + place, tone);
-        vertex.openness = (f32::from(vertex.openness) * (0.82 + 0.18 * part[1])) as u8;
-        mesh.vertex(vertex);
+        let tone = spray.tone * (0.90 + 0.20 * far);
+        let mut vertex = crown.leaf(corner([aside, far]), facing, uv, tone);
+        vertex.openness = (f32::from(vertex.openness) * (0.82 + 0.18 * far)) as u8;
+        vertex
+    });
+}
+
+/// Adds a rhombus that has a cell of the texture coordinates; `corner` makes a corner from its place across and along, as
+/// shares, and its coordinates.
+pub(super) fn rhombus(mesh: &mut Mesh, cell: Vec2, corner: impl Fn([f32; 2], Vec2) -> Vertex) {
+    const OUTLINE: [[f32; 2]; 4] = [[0.0, 0.0], [0.5, 0.5], [0.0, 1.0], [-0.5, 0.5]];
+    let base = mesh.vertices.len() as u32;
+    for [aside, far] in OUTLINE {
+        let place = Vec2::new(aside, far - 0.5) * INSIDE_CELL + Vec2::new(0.0, 0.5);
+        mesh.vertex(corner([aside, far], cell + place));
     }
     mesh.indices.extend([base, base + 1, base + 2, base, base + 2, base + 3]);
 }

@@ -2,7 +2,7 @@
 
 use super::super::foliage::limb;
 use super::super::mesh::{Finish, Mesh, Vertex};
-use super::near::{self, INSIDE_CELL};
+use super::near;
 use super::{BARK, LEAVES, NEEDLES, TreeDetail};
 use glam::{Vec2, Vec3};
 use std::f32::consts::TAU;
@@ -127,7 +127,10 @@ impl Spruce {
         let rise = tier.height * (0.20 + 0.10 * draw(3));
         let foot = (level * (FOOT * radius)).extend((z + rise).min(self.height - 0.02));
         let tone = tier.tone * BOUGH_TONE * (0.84 + 0.32 * draw(4));
-        self.add(mesh, [foot, tip], tone, near::cell(draw(5), draw(6)));
+        let along = tip - foot;
+        let across = along.cross(Vec3::Z).normalize_or(Vec3::X);
+        let over = across.cross(along).normalize_or(Vec3::Z);
+        self.strip(mesh, [foot, tip], (across, over), tone, near::cell(draw(5), draw(6)));
     }
 
     /// The tip of the tree: two boughs that cross.
@@ -138,13 +141,6 @@ impl Spruce {
             let cell = near::cell(self.hash_to_unit(90 + k), self.hash_to_unit(94 + k));
             self.strip(mesh, [foot, top], (side, side.cross(Vec3::Z)), 1.10 * BOUGH_TONE, cell);
         }
-    }
-
-    fn add(&self, mesh: &mut Mesh, [foot, tip]: [Vec3; 2], tone: f32, cell: Vec2) {
-        let along = tip - foot;
-        let across = along.cross(Vec3::Z).normalize_or(Vec3::X);
-        let over = across.cross(along).normalize_or(Vec3::Z);
-        self.strip(mesh, [foot, tip], (across, over), tone, cell);
     }
 
     /// A rhombus from foot to tip that sags at its sides, on which the shader finds twigs with needles.
@@ -159,27 +155,20 @@ impl Spruce {
         let along = tip - foot;
         let length = along.length();
         let ahead = along / length.max(1e-6);
-        let base = mesh.vertices.len() as u32;
-        // Across and along as shares, and how far it sags.
-        for [aside, far, sag] in [[0.0, 0.0, 0.0], [0.5, 0.5, 0.16], [0.0, 1.0, 0.0], [-0.5, 0.5, 0.16]] {
+        let cell = cell + Vec2::Y * (BOUGH_UV - near::SPRAY_UV);
+        near::rhombus(mesh, cell, |[aside, far], uv| {
+            let sag = 0.32 * aside.abs();
             let position = foot + along * far + across * (aside * BOUGH_WIDE * length)
                 - Vec3::Z * (sag * length * over.z);
-            let place = Vec2::new(aside, far - 0.5) * INSIDE_CELL + Vec2::new(0.0, 0.5);
             let out = position.truncate().extend(0.0).normalize_or_zero();
             let normal =
                 (over * 0.7 + out * 0.6 + across * (0.6 * aside) + ahead * 0.15).normalize_or(Vec3::Z);
             // Farther out there is more light, and on the upper boughs.
             let height = position.z / self.height;
             let open = (0.40 + 0.46 * far) * (0.82 + 0.18 * height);
-            mesh.vertex(Vertex {
-                position,
-                normal,
-                uv: cell + Vec2::Y * (BOUGH_UV - near::SPRAY_UV) + place,
-                finish: bough_finish(tone * (0.86 + 0.26 * far)),
-                openness: (255.0 * open) as u8,
-            });
-        }
-        mesh.indices.extend([base, base + 1, base + 2, base, base + 2, base + 3]);
+            let finish = bough_finish(tone * (0.86 + 0.26 * far));
+            Vertex { position, normal, uv, finish, openness: (255.0 * open) as u8 }
+        });
     }
 }
 
