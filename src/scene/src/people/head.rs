@@ -55,42 +55,24 @@ const SHORT: Shell = Shell {
 const SWEPT: Shell =
     Shell { edge: [0.244, 0.250, 0.212, 0.180, 0.150, 0.126, 0.120], top_m: 0.027, sweep_m: 0.012, ..SHORT };
 /// Combed back tightly into a bun or tail.
-const TIED: Shell = Shell {
-    edge: [0.246, 0.240, 0.216, 0.184, 0.150, 0.124, 0.112],
-    thick_m: 0.010,
-    top_m: 0.016,
-    is_hanging: false,
-    gathered: 0.0,
-    sweep_m: 0.0,
-};
+const TIED: Shell =
+    Shell { edge: [0.246, 0.240, 0.216, 0.184, 0.150, 0.124, 0.112], thick_m: 0.010, top_m: 0.016, ..SHORT };
 const BOB: Shell = Shell {
     edge: [0.236, 0.224, 0.116, 0.078, 0.070, 0.066, 0.066],
     thick_m: 0.014,
     top_m: 0.018,
     is_hanging: true,
     gathered: -0.06,
-    sweep_m: 0.0,
+    ..SHORT
 };
 const LOOSE: Shell =
     Shell { edge: [0.244, 0.230, 0.080, 0.036, 0.016, 0.006, 0.004], thick_m: 0.010, gathered: 0.0, ..BOB };
 /// What is seen of hair under a hat.
 const UNDER_HAT: Shell = Shell { edge: [0.225, 0.222, 0.205, 0.166, 0.132, 0.108, 0.102], ..TIED };
-const CAP: Shell = Shell {
-    edge: [0.222, 0.220, 0.214, 0.206, 0.196, 0.186, 0.182],
-    thick_m: 0.015,
-    top_m: 0.022,
-    is_hanging: false,
-    gathered: 0.0,
-    sweep_m: 0.0,
-};
-const BEANIE: Shell = Shell {
-    edge: [0.222, 0.218, 0.206, 0.186, 0.166, 0.150, 0.146],
-    thick_m: 0.014,
-    top_m: 0.030,
-    is_hanging: false,
-    gathered: 0.0,
-    sweep_m: 0.0,
-};
+const CAP: Shell =
+    Shell { edge: [0.222, 0.220, 0.214, 0.206, 0.196, 0.186, 0.182], thick_m: 0.015, top_m: 0.022, ..SHORT };
+const BEANIE: Shell =
+    Shell { edge: [0.222, 0.218, 0.206, 0.186, 0.166, 0.150, 0.146], thick_m: 0.014, top_m: 0.030, ..SHORT };
 /// The turned-up edge of a beanie: as high everywhere over its lower edge.
 const TURN_UP_M: f32 = 0.036;
 const HOOD: Shell = Shell {
@@ -99,7 +81,7 @@ const HOOD: Shell = Shell {
     top_m: 0.026,
     is_hanging: true,
     gathered: 0.26,
-    sweep_m: 0.0,
+    ..SHORT
 };
 
 /// A head on its neck.
