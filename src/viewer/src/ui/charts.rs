@@ -168,16 +168,18 @@ pub struct ChartView<'a> {
 
 /// The controls and the chart, wherever they are docked.
 pub(super) fn show(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>, actions: &mut Vec<UiAction>) {
-    ui.horizontal_wrapped(|ui| controls(ui, state, shown, actions));
+    // One row where they find room: the plot has the rest.
+    ui.horizontal_wrapped(|ui| {
+        controls(ui, state, shown, actions);
+        vehicles(ui, state, shown);
+    });
     merging_point(ui, &mut state.charts, shown.chart);
-    vehicles(ui, state, shown);
     if let Some(absent) = shown.chart.absent {
         ui.label(absent).on_hover_text("They are on no path that leads to this merging point");
     }
     if let Some(saved) = shown.chart.saved {
         ui.label(RichText::new(saved).small());
     }
-    ui.separator();
     let needs_control_data =
         matches!(state.charts.kind, ChartKind::Series(quantity) if quantity.needs_control_data());
     if needs_control_data && !shown.has_control_data {
@@ -277,40 +279,41 @@ fn merge_words(merge: &MergeChoice) -> String {
 /// always there: a second click on it must not meet the way out.
 fn vehicles(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>) {
     let name = |id: VehicleId| named(shown.names, id);
-    ui.horizontal_wrapped(|ui| {
-        let selected = state.selection.vehicle.filter(|id| !state.charts.vehicles.contains(id));
-        let keep = ui.add_enabled(selected.is_some(), egui::Button::new("+ Keep").small());
-        let keep = match selected {
-            Some(id) => {
-                keep.on_hover_text(format!("Keep {} in the chart when another one is selected", name(id)))
-            }
-            None => keep.on_disabled_hover_text("Select a vehicle that is not kept yet"),
-        };
-        let mut removed = None;
-        for id in &state.charts.vehicles {
-            let text = format!("{} \u{d7}", name(*id));
-            if ui.small_button(text).on_hover_text("Take it out of the chart").clicked() {
-                removed = Some(*id);
-            }
+    let selected = state.selection.vehicle.filter(|id| !state.charts.vehicles.contains(id));
+    let keep = ui.add_enabled(selected.is_some(), egui::Button::new("+ Keep"));
+    let keep = match selected {
+        Some(id) => {
+            keep.on_hover_text(format!("Keep {} in the chart when another one is selected", name(id)))
         }
-        state.charts.vehicles.retain(|id| Some(*id) != removed);
-        if keep.clicked() {
-            state.charts.vehicles.extend(selected);
+        None => keep.on_disabled_hover_text("Select a vehicle that is not kept yet"),
+    };
+    let mut removed = None;
+    for id in &state.charts.vehicles {
+        let text = format!("{} \u{d7}", name(*id));
+        if ui.small_button(text).on_hover_text("Take it out of the chart").clicked() {
+            removed = Some(*id);
         }
-        match selected {
-            Some(id) => _ = ui.label(RichText::new(format!("selected: {}", name(id))).weak()),
-            None if state.charts.kind == ChartKind::Way => {
-                ui.weak("The way of the selected vehicle, else of the first kept one.");
-            }
-            None if state.charts.vehicles.is_empty() && state.charts.kind.is_of_paths() => {
-                ui.weak("All vehicles on the paths; select one to keep it alone.");
-            }
-            None if state.charts.vehicles.is_empty() => {
-                ui.weak(format!("The first {MOST_VEHICLES} vehicles; select one to see it alone."));
-            }
-            None => {}
+    }
+    state.charts.vehicles.retain(|id| Some(*id) != removed);
+    if keep.clicked() {
+        state.charts.vehicles.extend(selected);
+    }
+    match selected {
+        Some(id) => _ = ui.label(RichText::new(format!("selected: {}", name(id))).weak()),
+        None if state.charts.kind == ChartKind::Way => {
+            let kept = if state.charts.vehicles.is_empty() { "" } else { " kept" };
+            let tip = "Select a vehicle to see the way of that";
+            ui.weak(format!("way of the first{kept} vehicle")).on_hover_text(tip);
         }
-    });
+        None if state.charts.vehicles.is_empty() && state.charts.kind.is_of_paths() => {
+            ui.weak("all on the paths").on_hover_text("Select a vehicle to keep it alone");
+        }
+        None if state.charts.vehicles.is_empty() => {
+            let tip = "Select a vehicle in the table or in the city to see it alone";
+            ui.weak(format!("first {MOST_VEHICLES} vehicles")).on_hover_text(tip);
+        }
+        None => {}
+    }
 }
 
 /// Least height of a plot with its axis, points.

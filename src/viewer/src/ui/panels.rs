@@ -48,8 +48,10 @@ pub(super) enum Home {
     Right,
     /// Over the city.
     Floating,
-    /// In a row of its own below the city.
-    BelowCity,
+    /// Side by side in a row below the city: beside it they would be narrow, and take the room of the columns.
+    ViewsRow,
+    /// In a row of its own at the lower edge of the city, so wide that time has room.
+    ChartsRow,
 }
 
 /// What the layout knows of a panel.
@@ -117,7 +119,7 @@ pub(super) static ALL: [PanelEntry; 12] = [
     PanelEntry {
         panel: Panel::Charts,
         title: "Charts",
-        home: Home::Floating,
+        home: Home::ChartsRow,
         size: [560.0, 500.0],
         is_open: |state| state.open.charts,
         close: |state| state.open.charts = false,
@@ -162,7 +164,7 @@ pub(super) static ALL: [PanelEntry; 12] = [
     PanelEntry {
         panel: Panel::SecondView,
         title: "View 2",
-        home: Home::BelowCity,
+        home: Home::ViewsRow,
         size: [480.0, 360.0],
         is_open: |state| state.open.views[0],
         close: |state| state.open.views[0] = false,
@@ -171,7 +173,7 @@ pub(super) static ALL: [PanelEntry; 12] = [
     PanelEntry {
         panel: Panel::ThirdView,
         title: "View 3",
-        home: Home::BelowCity,
+        home: Home::ViewsRow,
         size: [480.0, 360.0],
         is_open: |state| state.open.views[1],
         close: |state| state.open.views[1] = false,

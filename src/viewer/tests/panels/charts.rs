@@ -8,7 +8,7 @@ use city3d_logbook::figures::chart::{
 use city3d_logbook::figures::{FigureScale, Quantity, TidyTable};
 use city3d_protocol::snapshot::VehicleId;
 use city3d_session::playback::PlaybackCommand;
-use city3d_viewer::ui::{ChartKind, MergeChoice, UiAction};
+use city3d_viewer::ui::{self, ChartKind, MergeChoice, UiAction};
 use egui::Key;
 use egui_kittest::Harness;
 use egui_kittest::kittest::Queryable;
@@ -71,9 +71,15 @@ fn a_chart_names_its_lines_and_quantities_can_be_chosen() {
     assert_eq!(harness.state().state.charts.scale, FigureScale::Laboratory);
     click(&mut harness, "Save");
     assert_eq!(harness.state().actions, [UiAction::SaveChart]);
+    press(&mut harness, Key::F6);
+    harness.run_steps(4);
+    assert!(harness.query_by_label("Speed [km/h]").is_none(), "the key that opens it closes it");
+    press(&mut harness, Key::F6);
+    harness.state_mut().state.layout.toggle_floating(ui::Panel::Charts);
+    harness.run_steps(4);
     press(&mut harness, Key::Escape);
     harness.run_steps(4);
-    assert!(harness.query_by_label("Speed [km/h]").is_none(), "Escape closes it");
+    assert!(harness.query_by_label("Speed [km/h]").is_none(), "Escape closes what floats over the city");
 }
 
 #[test]

@@ -295,6 +295,7 @@ fn panels_open_beside_one_another_and_not_over_the_followed_vehicle() {
     let mut desk = Desk::with(spread(3));
     desk.state.selection.vehicle = Some(VehicleId(2));
     let mut harness = harness(desk);
+    harness.state_mut().state.layout.toggle_floating(Panel::Charts);
     // A window with room for both beside the vehicle.
     harness.set_size(vec2(1600.0, 900.0));
     harness.run_steps(4);
@@ -322,6 +323,7 @@ fn panels_open_beside_one_another_and_not_over_the_followed_vehicle() {
 #[test]
 fn a_panel_over_the_city_gives_way_to_one_that_opens_beneath_it() {
     let mut harness = with(6);
+    harness.state_mut().state.layout.toggle_floating(Panel::Charts);
     press(&mut harness, Key::F6);
     harness.run_steps(4);
     let charts =

@@ -40,8 +40,6 @@ impl FloatingPlaces {
         let corners = [Align2::LEFT_TOP, Align2::RIGHT_TOP, Align2::LEFT_BOTTOM, Align2::RIGHT_BOTTOM];
         let inside = self.city.shrink(MARGIN);
         let at_corners = |of: Rect| corners.map(move |corner| corner.align_size_within_rect(size, of));
-        // As high as the city: the bars above and below stay in sight. From below: tables are empty there.
-        let beside_city = Rect::from_x_y_ranges(self.room.x_range(), inside.y_range());
         let beside = taken.iter().chain(&self.vehicle).flat_map(|other| {
             let [left, right] = [other.left() - MARGIN - size.x, other.right() + MARGIN];
             [left, right].map(|x| Rect::from_min_size(Pos2::new(x, inside.top()), size))
@@ -49,7 +47,8 @@ impl FloatingPlaces {
         let places = before
             .into_iter()
             .chain(at_corners(inside))
-            .chain(at_corners(beside_city).into_iter().rev())
+            // From below: tables are empty there.
+            .chain(at_corners(self.room).into_iter().rev())
             .chain(beside);
         let places = places.map(|place| self.within(place));
         let best = places.min_by(|a, b| self.hidden(*a, taken).total_cmp(&self.hidden(*b, taken)));

@@ -11,7 +11,9 @@ pub(super) use self::floating::moved_to;
 use super::panels::{self, Home, Panel, PanelEntry, entry};
 use super::{UiAction, UiState, ViewModel};
 use egui::{Rect, Ui, Vec2, WidgetText, vec2};
-use egui_tiles::{Behavior, Container, SimplificationOptions, Tabs, TileId, Tiles, Tree, UiResponse};
+use egui_tiles::{
+    Behavior, Container, LinearDir, SimplificationOptions, Tabs, TileId, Tiles, Tree, UiResponse,
+};
 use std::collections::{BTreeMap, BTreeSet};
 
 /// Where the panels are. A closed panel keeps its place.
@@ -40,11 +42,11 @@ impl Default for Layout {
         };
         let (vehicles, below) = (tabs(&[Panel::Vehicles]), tabs(&panels::with_home(Home::BelowVehicles)));
         let (city, cameras) = (tabs(&[Panel::City]), tabs(&panels::with_home(Home::Right)));
-        let views = panels::with_home(Home::BelowCity).into_iter().map(|panel| tabs(&[panel])).collect();
+        let charts = tabs(&panels::with_home(Home::ChartsRow));
+        let views = panels::with_home(Home::ViewsRow).into_iter().map(|panel| tabs(&[panel])).collect();
         let left = tiles.insert_vertical_tile(vec![vehicles, below]);
-        // Below the city, side by side: beside it they would be narrow, and take the room of the columns.
         let views = tiles.insert_horizontal_tile(views);
-        let middle = tiles.insert_vertical_tile(vec![city, views]);
+        let middle = tiles.insert_vertical_tile(vec![city, views, charts]);
         let root = tiles.insert_horizontal_tile(vec![left, middle, cameras]);
         let tree = Tree::new(egui::Id::unique("layout"), root, tiles);
         let points = [(cameras.0, RIGHT)].into();
@@ -143,13 +145,24 @@ impl Layout {
         let tabs = beside
             .filter_map(|other| self.tree.tiles.find_pane(&other))
             .find_map(|other| self.tree.tiles.parent_of(other));
-        if let Some(tabs) = tabs {
+        if let Some(column) = self.column_of_city().filter(|_| home == Home::ChartsRow) {
+            let tabs = self.tree.tiles.insert_tab_tile(vec![tile]);
+            self.tree.move_tile_to_container(tabs, column, usize::MAX, false);
+        } else if let Some(tabs) = tabs {
             self.tree.move_tile_to_container(tile, tabs, usize::MAX, false);
         } else if let Some(root) = self.tree.root {
             let tabs = self.tree.tiles.insert_tab_tile(vec![tile]);
             self.tree.root = Some(self.tree.tiles.insert_horizontal_tile(vec![root, tabs]));
         }
         tile
+    }
+
+    /// The column that the city is in, where there is one.
+    fn column_of_city(&self) -> Option<TileId> {
+        let parent = |tile| self.tree.tiles.parent_of(tile);
+        let column = parent(parent(self.tree.tiles.find_pane(&Panel::City)?)?)?;
+        let is_column = |container: &Container| matches!(container, Container::Linear(linear) if linear.dir == LinearDir::Vertical);
+        self.tree.tiles.get_container(column).filter(|container| is_column(container)).map(|_| column)
     }
 
     fn hidden(&self) -> BTreeSet<u64> {
@@ -169,7 +182,9 @@ impl Layout {
         let vehicle = super::city::watched(state, shown, city);
         let rects = |panel: &Panel| ui.ctx().memory(|memory| memory.area_rect(window_of(*panel)));
         let taken: Vec<Rect> = state.layout.lifted.iter().filter_map(rects).collect();
-        let room = Rect::from_x_y_ranges(window.x_range(), city.y_range()).shrink(8.0);
+        // The bars above and below stay in sight.
+        let panels = state.layout.tree.root.and_then(|root| state.layout.tree.tiles.rect(root));
+        let room = panels.unwrap_or(window).shrink(8.0);
         let mut kept = state.layout.kept(shown, state.viewpoint.follow.is_some());
         kept.extend(state.layout.opened.and_then(|tile| state.layout.shown_rect(tile)));
         FloatingPlaces { city, room, vehicle, kept }.free((None, size), &taken)
