@@ -102,7 +102,8 @@ fn crosses(rect: Rect, [from, to]: [Pos2; 2]) -> bool {
     first <= last
 }
 
-fn size_of(ui: &Ui, name: &str) -> Vec2 {
+/// Size of a name, points.
+pub(super) fn size_of(ui: &Ui, name: &str) -> Vec2 {
     ui.painter().layout_no_wrap(name.to_owned(), FontId::proportional(theme::SMALL), Color32::WHITE).size()
 }
 

@@ -3,9 +3,9 @@
 use super::super::preview::{marks, round_step};
 use super::super::theme;
 use super::hover;
-use super::labels::LabelRoom;
+use super::labels::{self, LabelRoom};
 use city3d_geometry::trig;
-use city3d_logbook::figures::chart::{Colour, Dash, Figure, Panel};
+use city3d_logbook::figures::chart::{Colour, Dash, Figure, LineName, Panel, ReferenceLine};
 use egui::{Align2, Color32, RichText, Ui};
 use egui_plot::{
     AxisHints, GridMark, HLine, Line, LineStyle, Plot, PlotPoint, PlotPoints, Points, Text, VLine,
@@ -40,13 +40,17 @@ pub(super) fn show(
     let width = ui.available_width();
     let decimal = theme::decimal(ui.ctx());
     let number = move |mark: GridMark, _: &std::ops::RangeInclusive<f64>| tick(mark, decimal);
-    let axis = |hints: AxisHints<'static>| theme::small_axis(ui, hints);
     // Of panels that share an axis the lowest names it.
     let x_label = figure.panels.iter().map(|panel| panel.x_label.as_str()).rfind(|label| !label.is_empty());
     let x_label = x_label.unwrap_or_default();
     let near = hover::words_near([x_label, &panel.y_label], decimal);
     // Those over time are told for all lines at once, wherever the mouse is.
     let tells_all = across != Across::Anything && !figure.legend.is_empty() && panel.names.is_empty();
+    // The axes take a part of it.
+    let size = egui::vec2((width - AXIS[0]).max(1.0), (height - AXIS[1]).max(1.0));
+    let names = ui.new_child(egui::UiBuilder::new());
+    let axis = |hints: AxisHints<'static>| theme::small_axis(&names, hints);
+    let x = with_room_for_names(&names, panel, size.x);
     let plot = Plot::new(("chart", index))
         .height(height)
         .custom_x_axes(vec![axis(AxisHints::new_x()).label(panel.x_label.as_str()).formatter(number)])
@@ -55,29 +59,26 @@ pub(super) fn show(
         .x_grid_spacer(move |grid| grid_marks(grid.bounds, width / LEAST_BETWEEN[0]))
         .y_grid_spacer(move |grid| grid_marks(grid.bounds, height / LEAST_BETWEEN[1]))
         .label_formatter(move |hovered| near(hovered).filter(|_| !tells_all))
-        .default_x_bounds(panel.x.0, panel.x.1)
+        .default_x_bounds(x.0, x.1)
         .default_y_bounds(panel.y.0, panel.y.1)
         .allow_scroll(false)
         .allow_drag(false)
         .allow_zoom(false)
         .allow_boxed_zoom(false);
     let (grey, text) = (Color32::from_gray(130), ui.visuals().text_color());
-    // The axes take a part of it.
-    let size = egui::vec2((width - AXIS[0]).max(1.0), (height - AXIS[1]).max(1.0));
-    let (mut room, names) = (LabelRoom::new(panel.x, panel.y, size), ui.new_child(egui::UiBuilder::new()));
+    let mut room = LabelRoom::new(x, panel.y, size);
     for line in &panel.lines {
         for piece in pieces(&line.points) {
-            room.add_line(&decimated(piece, panel.x, NAME_BUCKETS));
+            room.add_line(&decimated(piece, x, NAME_BUCKETS));
         }
     }
     for rule in panel.rules.iter().filter(|rule| rule.is_level) {
-        room.add_line(&[[panel.x.0, rule.at], [panel.x.1, rule.at]]);
+        room.add_line(&[[x.0, rule.at], [x.1, rule.at]]);
     }
+    let per_point = (panel.y.1 - panel.y.0) / f64::from(size.y);
+    let level_names = level_names(panel, f64::from(theme::SMALL) * LINE * per_point);
     let shown = plot.show(ui, |plot| {
-        plot.set_plot_bounds(egui_plot::PlotBounds::from_min_max(
-            [panel.x.0, panel.y.0],
-            [panel.x.1, panel.y.1],
-        ));
+        plot.set_plot_bounds(egui_plot::PlotBounds::from_min_max([x.0, panel.y.0], [x.1, panel.y.1]));
         for rule in &panel.rules {
             let style = LineStyle::dashed_loose();
             if rule.is_level {
@@ -85,27 +86,21 @@ pub(super) fn show(
             } else {
                 plot.vline(VLine::new(rule.name.clone(), rule.at).color(grey).style(style));
             }
-            let (at, anchor) = match rule.is_level {
-                true => (PlotPoint::new(panel.x.0, rule.at), Align2::LEFT_BOTTOM),
-                false if rule.is_before => (PlotPoint::new(rule.at, panel.y.1), Align2::RIGHT_TOP),
-                false => (PlotPoint::new(rule.at, panel.y.1), Align2::LEFT_TOP),
-            };
-            let is_inside = match rule.is_level {
-                true => (panel.y.0..=panel.y.1).contains(&rule.at),
-                false => (panel.x.0..=panel.x.1).contains(&rule.at),
-            };
-            if !is_inside || rule.name.is_empty() {
+            if rule.is_level || rule.name.is_empty() || !(panel.x.0..=panel.x.1).contains(&rule.at) {
                 continue;
             }
-            let named = (rule.name.as_str(), at);
-            let placed = match rule.is_level {
-                true => room.place(&names, named, &[anchor, Align2::LEFT_TOP]).map(|anchor| (at, anchor)),
-                false => room
-                    .place_below(&names, named, anchor)
-                    .map(|lower| (PlotPoint::new(at.x, at.y - lower), anchor)),
-            };
-            if let Some((at, anchor)) = placed {
+            let at = PlotPoint::new(rule.at, panel.y.1);
+            let anchor = if rule.is_before { Align2::RIGHT_TOP } else { Align2::LEFT_TOP };
+            if let Some(lower) = room.place_below(&names, (rule.name.as_str(), at), anchor) {
                 let words = RichText::new(&rule.name).size(theme::SMALL);
+                let at = PlotPoint::new(at.x, at.y - lower);
+                plot.text(Text::new("", at, words).anchor(anchor).color(text));
+            }
+        }
+        for (at, name) in &level_names {
+            let at = PlotPoint::new(x.0, *at);
+            if let Some(anchor) = room.place(&names, (name, at), &[Align2::LEFT_BOTTOM, Align2::LEFT_TOP]) {
+                let words = RichText::new(name).size(theme::SMALL);
                 plot.text(Text::new("", at, words).anchor(anchor).color(text));
             }
         }
@@ -123,12 +118,15 @@ pub(super) fn show(
         }
         for end in &panel.names {
             let is_right = end.at.0 > (panel.x.0 + panel.x.1) / 2.0;
-            let anchors = match is_right {
-                true => [Align2::RIGHT_BOTTOM, Align2::RIGHT_TOP, Align2::LEFT_TOP, Align2::LEFT_BOTTOM],
-                false => [Align2::LEFT_BOTTOM, Align2::LEFT_TOP, Align2::RIGHT_BOTTOM, Align2::RIGHT_TOP],
+            let anchors: &[Align2] = match is_right {
+                _ if is_at_edge(panel, end) => {
+                    &[Align2::LEFT_CENTER, Align2::LEFT_BOTTOM, Align2::LEFT_TOP, Align2::RIGHT_BOTTOM]
+                }
+                true => &[Align2::RIGHT_BOTTOM, Align2::RIGHT_TOP, Align2::LEFT_TOP, Align2::LEFT_BOTTOM],
+                false => &[Align2::LEFT_BOTTOM, Align2::LEFT_TOP, Align2::RIGHT_BOTTOM, Align2::RIGHT_TOP],
             };
             let at = PlotPoint::new(end.at.0, end.at.1);
-            if let Some(anchor) = room.place(&names, (&end.name, at), &anchors) {
+            if let Some(anchor) = room.place(&names, (&end.name, at), anchors) {
                 let words = RichText::new(&end.name).size(theme::SMALL);
                 plot.text(Text::new("", at, words).anchor(anchor).color(text));
             }
@@ -164,6 +162,46 @@ pub(super) fn show(
         }
     });
     at_s.and(shown.inner).and_then(|point| state_near(point.x))
+}
+
+/// Whether a named line ends at the right edge.
+fn is_at_edge(panel: &Panel, end: &LineName) -> bool {
+    /// Of the axis.
+    const NEAR: f64 = 0.03;
+    end.at.0 > panel.x.1 - NEAR * (panel.x.1 - panel.x.0)
+}
+
+/// The horizontal axis of a plot of so many points, longer than that of the panel where lines end with their names at its right
+/// edge: those stand beside them, where no line is.
+fn with_room_for_names(ui: &Ui, panel: &Panel, width: f32) -> (f64, f64) {
+    /// Largest part of the plot that names take.
+    const MOST: f32 = 0.3;
+    let at_edge = panel.names.iter().filter(|end| is_at_edge(panel, end));
+    let widest = at_edge.map(|end| labels::size_of(ui, &end.name).x).fold(0.0, f32::max);
+    let part = f64::from((widest / width).min(MOST));
+    (panel.x.0, panel.x.0 + (panel.x.1 - panel.x.0) / (1.0 - part))
+}
+
+/// Height of a line of text in its size.
+const LINE: f64 = 1.4;
+
+/// Names of the horizontal reference lines and where each stands. Lines that are too close for a name between them have one in
+/// common, above them, which tells them from above.
+fn level_names(panel: &Panel, least_apart: f64) -> Vec<(f64, String)> {
+    let is_named = |rule: &&ReferenceLine| {
+        rule.is_level && !rule.name.is_empty() && (panel.y.0..=panel.y.1).contains(&rule.at)
+    };
+    let mut rules: Vec<&ReferenceLine> = panel.rules.iter().filter(is_named).collect();
+    rules.sort_by(|a, b| b.at.total_cmp(&a.at));
+    let groups = rules.chunk_by(|upper, lower| upper.at - lower.at < least_apart);
+    let name = |group: &[&ReferenceLine]| {
+        let names: Vec<&str> = group.iter().map(|rule| rule.name.as_str()).collect();
+        match names[..] {
+            [one] => one.to_owned(),
+            _ => format!("from above: {}", names.join("; ")),
+        }
+    };
+    groups.map(|group| (group[0].at, name(group))).collect()
 }
 
 /// Lines that are wider on paper are wide on the screen too, points.
@@ -242,6 +280,42 @@ mod tests {
         assert!(drawn.is_sorted_by_key(|[x, _]| *x));
         assert!(drawn.contains(&[f64::from(peak) * 0.1, 50.0]));
         assert_eq!(decimated(&points[..50], (0.0, 5.0), 200).len(), 50, "a short one is drawn as it is");
+    }
+
+    fn panel(rules: Vec<ReferenceLine>, ends: &[f64]) -> Panel {
+        let end = |x: &f64| LineName { at: (*x, 1.0), name: "4 path2_a".to_owned(), lines: 0..1 };
+        let names = ends.iter().map(end).collect();
+        Panel { x: (0.0, 40.0), y: (0.0, 150.0), rules, names, ..Panel::default() }
+    }
+
+    #[test]
+    fn every_level_line_has_a_name_and_close_ones_have_one_in_common() {
+        let rule = |at: f64, name: &str| ReferenceLine {
+            at,
+            is_level: true,
+            name: name.to_owned(),
+            dash: Dash::Dashed,
+            is_before: false,
+        };
+        let rules = vec![rule(92.0, "merging point"), rule(80.0, "yield line"), rule(87.0, "one car length")];
+        let named = level_names(&panel(rules.clone(), &[]), 8.0);
+        assert_eq!(named, [(92.0, "from above: merging point; one car length; yield line".to_owned())]);
+        let named = level_names(&panel(rules, &[]), 6.0);
+        let names: Vec<&str> = named.iter().map(|(_, name)| name.as_str()).collect();
+        assert_eq!(names, ["from above: merging point; one car length", "yield line"]);
+    }
+
+    #[test]
+    fn names_of_lines_that_end_at_the_edge_stand_beside_them() {
+        let context = egui::Context::default();
+        let mut output = context.run_ui(egui::RawInput::default(), |ui| {
+            let width = f64::from(labels::size_of(ui, "4 path2_a").x);
+            let (from, to) = with_room_for_names(ui, &panel(Vec::new(), &[12.0, 40.0]), 500.0);
+            let room = (to - 40.0) / (to - from) * 500.0;
+            assert!(from == 0.0 && (room - width).abs() < 0.5, "{room} points for {width}");
+            assert_eq!(with_room_for_names(ui, &panel(Vec::new(), &[12.0]), 500.0), (0.0, 40.0));
+        });
+        output.textures_delta.clear();
     }
 
     #[test]
