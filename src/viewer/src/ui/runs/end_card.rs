@@ -15,7 +15,7 @@ use std::path::Path;
 use std::time::Duration;
 
 /// In place of measures that a run does not have.
-const NO_THROUGHPUT: &str = "none: fewer than two arrivals counted";
+const NO_THROUGHPUT: &str = "none: fewer than two arrivals";
 const NO_DELAY: &str = "none: no vehicle has a known way";
 /// Of a run in which nothing is drawn at random.
 const SEED_IS_UNUSED: &str =
@@ -29,7 +29,7 @@ const WAITS: Duration = Duration::from_millis(250);
 /// Id of its window.
 const WINDOW: &str = "card of a run";
 /// About its size, points.
-const SIZE: Vec2 = Vec2::new(446.0, 430.0);
+const SIZE: Vec2 = Vec2::new(366.0, 450.0);
 /// Vehicles that drive less have not moved.
 const MOVES_M: f64 = 0.1;
 
@@ -120,7 +120,7 @@ pub(super) fn window(ui: &Ui, state: &mut UiState, shown: &ViewModel<'_>, action
     // Where it hides nothing at first; the user may move it.
     let window = if let Some(place) = place { layout::moved_to(window, place) } else { window };
     window.show(ui.ctx(), |ui| {
-        ui.set_max_width(430.0);
+        ui.set_max_width(350.0);
         let room = ui.ctx().content_rect().height() - AROUND;
         egui::ScrollArea::vertical().id_salt(run_state.run).max_height(room).show(ui, |ui| {
         ui.label(format!(
@@ -197,7 +197,7 @@ fn measures(shown: &ViewModel<'_>) -> Option<RunMeasures> {
 /// How often vehicles stood, as the events count it.
 const STANDSTILLS: &str = "Standstills (< 0.1 m/s)";
 /// Where some have collided: slow stops do not count those.
-const STANDSTILLS_OF_ALL: &str = "Standstills (< 0.1 m/s), wrecks too";
+const STANDSTILLS_OF_ALL: &str = "Standstills, wrecks too";
 
 /// What happened in all control zones together.
 const IN_ZONES: &str = "In control zones";
