@@ -62,9 +62,11 @@ fn replayed(
     let tip = format!("The recorded run of {}, {}; nothing is simulated", shown.scenario, shown.conditions);
     ui.label(RichText::new(format!("Replay of {name}")).strong()).on_hover_text(tip);
     open_button(ui, state);
-    if shown.runs.may_run_again
-        && ui.button("Run again").on_hover_text("Simulate its scenario again, with the same seed").clicked()
-    {
+    let again = ui.add_enabled(shown.runs.may_run_again, egui::Button::new("Run again"));
+    let again = again.on_hover_text("Simulate its scenario again, with the same seed");
+    let unknown =
+        "Its scenario is neither a shipped one nor among the recent files: open its file, and run it";
+    if again.on_disabled_hover_text(unknown).clicked() {
         actions.push(UiAction::RunAgain(RunAgain::default()));
     }
     if ui.button("Compare").on_hover_text("Its measures beside those of another recorded run").clicked() {

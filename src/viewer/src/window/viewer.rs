@@ -136,7 +136,7 @@ pub struct ViewerState {
     /// What the start page lists, and whether it was shown in the last frame.
     lists: StartLists,
     lists_are_shown: bool,
-    /// The scenario that can be run again: the present one, or that of the log which this window wrote.
+    /// The scenario that can be run again: the present one, or that of the log that is shown, where it is known.
     again: Option<ScenarioRequest>,
     /// The scenario as it is edited; it stays while its run is shown.
     editor: Option<ScenarioEditor>,
@@ -197,7 +197,7 @@ impl ViewerState {
         let experiment = Arc::clone(player.experiment());
         let request = ScenarioRequest { scenario: log, ..ScenarioRequest::default() };
         let mut viewer = Self::on(ViewedRun::Log(Box::new(player)), request, experiment, (look, recording));
-        viewer.again = run_folder::shipped_request(&viewer.experiment);
+        viewer.again = run_folder::request_of(&viewer.experiment, &[]);
         viewer.tell_of_log(0.0);
         viewer
     }

@@ -28,7 +28,7 @@ impl StartPage {
 }
 
 /// Width of the lists at the left, points.
-const LISTS: f32 = 250.0;
+const LISTS: f32 = 300.0;
 /// Height of a card's text, and space between cards.
 const TEXT: f32 = 52.0;
 const GAP: f32 = 10.0;
@@ -49,7 +49,7 @@ pub(super) fn show(ui: &Ui, state: &mut UiState, shown: &ViewModel<'_>, actions:
         if state.runs.files.is_some() {
             ui.disable();
         }
-        ui.set_width(room.x.min(1130.0));
+        ui.set_width(room.x.min(1180.0));
         ui.set_height(room.y.min(620.0));
         ui.horizontal_top(|ui| {
             ui.vertical(|ui| {
@@ -163,7 +163,11 @@ fn card(ui: &mut Ui, scenario: &ScenarioChoice) -> Response {
     if response.has_focus() {
         response.scroll_to_me(None);
     }
-    let visuals = *ui.style().interact(&response);
+    // Who has come to it by the keyboard sees its edge: the ground of a pressed button would be no ground for its texts.
+    let visuals = match response.has_focus() {
+        true => ui.visuals().widgets.inactive,
+        false => *ui.style().interact(&response),
+    };
     let painter = ui.painter_at(rect.expand(2.0));
     painter.rect_filled(rect, 4.0, visuals.weak_bg_fill);
     let place = Rect::from_min_size(rect.min, pictures::SIZE);
@@ -174,8 +178,8 @@ fn card(ui: &mut Ui, scenario: &ScenarioChoice) -> Response {
         }
         None => {
             let font = FontId::proportional(18.0);
-            painter.rect_filled(place, 4.0, Color32::from_gray(45));
-            painter.text(place.center(), Align2::CENTER_CENTER, "scenario", font, Color32::from_gray(170));
+            painter.rect_filled(place, 4.0, ui.visuals().extreme_bg_color);
+            painter.text(place.center(), Align2::CENTER_CENTER, "scenario", font, ui.visuals().text_color());
         }
     }
     let name = std::path::Path::new(&scenario.name).file_stem().unwrap_or_default().to_string_lossy();

@@ -8,7 +8,7 @@ use super::super::recorded_runs::{self, recorded_runs};
 use super::super::recording::{LogLocation, recorded, start};
 use super::super::scenario_info::ScenarioInfo;
 use super::super::settings::runs_folder;
-use super::run_folder::shipped_request;
+use super::run_folder::request_of;
 use super::{ViewedRun, ViewerState, WindowRequest};
 use crate::ui::runs::{ComparedRuns, ONLY_LOCAL, OpenRequest, Problem, ResetQuestion, RunAgain};
 use crate::ui::{CityKind, DecimalSeparator, LiveTraffic, ScenarioChoice, commands};
@@ -198,7 +198,7 @@ impl ViewerState {
         let is_own = self.writes(log);
         self.end_session(now_s);
         if !is_own {
-            self.again = shipped_request(player.experiment());
+            self.again = request_of(player.experiment(), &self.lists.recent);
             self.remember_file(&log.to_string_lossy());
         }
         let experiment = Arc::clone(player.experiment());
@@ -305,7 +305,10 @@ impl ViewerState {
             let folders = own.into_iter().chain(&self.lists.runs_folder).map(PathBuf::as_path);
             self.lists.runs = recorded_runs(folders, SystemTime::now());
             self.name_present_run();
-            self.lists.recent.retain(|path| path.exists());
+            // A log of a recorded run that is listed as such is named there once.
+            let runs = &self.lists.runs;
+            let is_listed = |path: &PathBuf| runs.iter().any(|run| log_in(&run.folder) == *path);
+            self.lists.recent.retain(|path| path.exists() && !is_listed(path));
         }
         self.lists_are_shown = is_shown;
     }

@@ -29,12 +29,17 @@ impl ViewerState {
     }
 }
 
-/// The shipped scenario that a log is of, with what was set otherwise: it can be run again.
-pub(super) fn shipped_request(experiment: &Experiment) -> Option<ScenarioRequest> {
+/// The scenario that a log is of, shipped or one of these files, with what was set otherwise: it can be run again.
+pub(super) fn request_of(experiment: &Experiment, files: &[PathBuf]) -> Option<ScenarioRequest> {
     let is_of = |name: &&str| {
         Library::scenario(name).is_ok_and(|(text, _)| text.as_str() == experiment.scenario_text.as_str())
     };
-    let scenario = shipped_scenarios().find(is_of)?.to_owned();
+    let is_in = |file: &&PathBuf| {
+        file.extension().is_some_and(|extension| extension == "toml")
+            && std::fs::read_to_string(file).is_ok_and(|text| text == experiment.scenario_text.as_str())
+    };
+    let shipped = shipped_scenarios().find(is_of).map(str::to_owned);
+    let scenario = shipped.or_else(|| files.iter().find(is_in).map(|file| file.display().to_string()))?;
     let overrides = Overrides {
         seed: Some(experiment.seed),
         duration_s: Some(experiment.duration_s),
