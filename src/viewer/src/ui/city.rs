@@ -18,7 +18,6 @@ use city3d_session::{OFF_ROAD_M, RunPhase, is_beside_road};
 use egui::emath::GuiRounding as _;
 use egui::{Align2, Color32, FontId, Order, PointerButton, Pos2, Rect, Response, RichText, Sense, Ui};
 use glam::DVec3;
-use std::cmp::Ordering;
 
 /// Picking radius, points.
 const NEAR_POINTS: f32 = 16.0;
@@ -66,7 +65,7 @@ pub fn show(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>, actions: &m
     state.measure.paint(&canvas);
     let instruction = editing::paint(&canvas, state, shown, pointed.and_then(|at| canvas.ground_at(at)));
     rulers::paint(&canvas, state, shown, pointed);
-    legend::show(ui, rect, state, shown);
+    let legend = legend::show(ui, rect, state, shown);
     if state.layers.map {
         map::show(ui, rect, state, shown);
     }
@@ -76,7 +75,7 @@ pub fn show(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>, actions: &m
     // Above what one reads meanwhile: speed and pedals, or what the next click does.
     let over = [dashboard, instruction].into_iter().flatten().map(|rect| rect.top());
     let bottom = over.fold(rect.bottom() - PAST_SIGN, f32::min);
-    notice(ui, (rect, bottom), state, shown);
+    notice(ui, (rect, bottom, legend), state, shown);
 }
 
 /// Height of the sign of the past at the lower edge, points.
@@ -408,9 +407,14 @@ fn floating_windows(context: &egui::Context) -> Vec<Rect> {
     })
 }
 
-/// Shows the message, above a lower edge: at the bottom, for titles and buttons of windows are at the top. At the top where a
-/// dialog reaches far down, or where it would hide what it tells of alone at the bottom.
-fn notice(ui: &Ui, (rect, bottom): (Rect, f32), state: &mut UiState, shown: &ViewModel<'_>) {
+/// Shows the message, above a lower edge: at the bottom, for titles and buttons of windows are at the top. At the top, or below
+/// the legend there, where a dialog reaches far down, or where it would hide what it tells of alone at the bottom.
+fn notice(
+    ui: &Ui,
+    (rect, bottom, legend): (Rect, f32, Option<Rect>),
+    state: &mut UiState,
+    shown: &ViewModel<'_>,
+) {
     const MARGIN: f32 = 20.0;
     let now_s = ui.input(|input| input.time);
     state.notice = state.notice.take().filter(|(_, until_s)| now_s < *until_s);
@@ -421,11 +425,13 @@ fn notice(ui: &Ui, (rect, bottom): (Rect, f32), state: &mut UiState, shown: &Vie
     let beside = if state.layers.map { map::beside(rect) } else { rect };
     // Below the name of the followed vehicle.
     let below = if state.viewpoint.follow.is_some() { NAME_OF_CAMERA.y } else { 0.0 };
-    let ends = [
+    let below_legend = legend.map_or(rect.top() + below, |legend| legend.bottom());
+    let places = [
         (Align2::CENTER_BOTTOM, rect.with_max_y(bottom)),
         (Align2::CENTER_TOP, beside.with_min_y(beside.top() + below)),
+        (Align2::CENTER_TOP, beside.with_min_y(below_legend)),
     ];
-    let placed = ends.map(|(align, room)| {
+    let placed = places.map(|(align, room)| {
         let room = room.shrink(MARGIN);
         let galley = painter.layout(text.clone(), FontId::proportional(14.0), Color32::WHITE, room.width());
         (align.align_size_within_rect(galley.size(), room), galley)
@@ -435,17 +441,18 @@ fn notice(ui: &Ui, (rect, bottom): (Rect, f32), state: &mut UiState, shown: &Vie
         .filter_map(|vehicle| on_screen(vehicle.id, state, shown, rect))
         .chain(watched(state, shown, rect))
         .collect();
-    let windows = floating_windows(ui.ctx());
+    let mut panels = floating_windows(ui.ctx());
+    panels.extend(legend);
     // Those that have collided before panels that float.
     let hides = |place: &Rect| {
-        [&told, &windows].map(|all| all.iter().any(|hidden| hidden.intersects(place.expand(8.0))))
+        [&told, &panels].map(|all| all.iter().any(|hidden| hidden.intersects(place.expand(8.0))))
     };
-    let [at_bottom, at_top] = placed;
-    let (place, galley) = match hides(&at_top.0).cmp(&hides(&at_bottom.0)) {
-        Ordering::Less => at_top,
-        Ordering::Equal if state.runs.is_modal() => at_top,
-        Ordering::Equal | Ordering::Greater => at_bottom,
+    let [at_bottom, at_top, below_legend] = placed;
+    let in_order = match state.runs.is_modal() {
+        true => [at_top, below_legend, at_bottom],
+        false => [at_bottom, at_top, below_legend],
     };
+    let Some((place, galley)) = in_order.into_iter().min_by_key(|(place, _)| hides(place)) else { return };
     painter.rect_filled(place.expand(8.0), 5.0, theme::ON_PICTURE);
     painter.galley(place.min, galley, Color32::WHITE);
     let left = (until_s - now_s).max(0.0);

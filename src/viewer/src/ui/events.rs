@@ -464,6 +464,16 @@ const UNSEEN: &str = "Show where and when it happened: motion capture lost sight
 
 const GO: &str = "Show where and when it happened: it is told once the vehicle has left the place, and counts as standing until it moves";
 
+/// Largest part of the list that names of vehicles take.
+const MOST_OF_NAMES: f32 = 0.4;
+
+/// Width of the longest name of a vehicle, which what happened to it leaves free, points.
+fn widest_name(ui: &Ui, shown: &ViewModel<'_>) -> f32 {
+    let vehicles = shown.run_state.now.vehicles.iter().map(|vehicle| named(shown.names, vehicle.id));
+    let longest = vehicles.chain(["Vehicle".to_owned()]).max_by_key(String::len);
+    longest.map_or(0.0, |name| width_of(ui, &RichText::new(name)))
+}
+
 /// Shows the rows, which may have to stay where they are; returns the one that was clicked.
 fn list(
     ui: &mut Ui,
@@ -478,6 +488,7 @@ fn list(
     // The last event before the playhead is the current one; of a live run the newest.
     let present = state.events.current(marks.iter(), at_s);
     let present = present.and_then(|mark| marks.iter().rposition(|other| std::ptr::eq(other, mark)));
+    let names = widest_name(ui, shown).min(MOST_OF_NAMES * ui.available_width());
     let mut builder = TableBuilder::new(ui)
         // By itself it is as high as 200 points, beyond the edge of a low panel.
         .min_scrolled_height(0.0)
@@ -486,8 +497,8 @@ fn list(
         .auto_shrink(false)
         .cell_layout(Layout::left_to_right(Align::Center))
         .column(Column::exact(64.0).clip(true))
-        .column(Column::initial(130.0).at_least(60.0).clip(true))
-        .column(Column::remainder().clip(true));
+        .column(Column::remainder().at_least(60.0).clip(true))
+        .column(Column::exact(names).clip(true));
     // Scrolls only when the current row changes.
     if !stays {
         if let Some(row) = present.filter(|_| state.events.present != present) {

@@ -318,6 +318,7 @@ fn placed_labels(canvas: &Canvas<'_>, state: &UiState, shown: &ViewModel<'_>) ->
         let text = canvas.painter.layout_no_wrap(label.name.clone(), font, label.faded(label.colour));
         let size = text.size() + egui::vec2(text.size().y, 0.0);
         let whole = Align2::CENTER_BOTTOM.anchor_size(label.place, size);
+        let whole = if canvas.rect.contains(label.place) { within(canvas.rect, whole) } else { whole };
         let whole = map.map_or(whole, |map| clear_of(map, whole, canvas.rect));
         let ground = whole.expand2(egui::vec2(3.0, 1.0));
         if placed.iter().all(|other| !other.ground.intersects(ground)) {
@@ -325,6 +326,13 @@ fn placed_labels(canvas: &Canvas<'_>, state: &UiState, shown: &ViewModel<'_>) ->
         }
     }
     placed
+}
+
+/// A label of a vehicle in the view, moved so that none of it is cut at its sides.
+fn within(view: Rect, label: Rect) -> Rect {
+    const MARGIN: f32 = 4.0;
+    let (left, right) = (view.left() + MARGIN - label.left(), view.right() - MARGIN - label.right());
+    label.translate(egui::vec2(left.max(0.0) + right.min(0.0), 0.0))
 }
 
 /// A label moved out from under the map: to its left, or below it where the view ends there.

@@ -133,11 +133,11 @@ const MARK: f32 = 22.0;
 const MARK_WITH_SCALE: f32 = 74.0;
 
 /// Shows the legend at the left edge of a rectangle, below the name of the followed vehicle. A click folds it to its title,
-/// for it lies over the city.
-pub fn show(ui: &Ui, rect: Rect, state: &mut UiState, shown: &ViewModel<'_>) {
+/// for it lies over the city. Returns where it is.
+pub fn show(ui: &Ui, rect: Rect, state: &mut UiState, shown: &ViewModel<'_>) -> Option<Rect> {
     let lines = if state.layers.legend { lines(state, shown) } else { Vec::new() };
     if lines.is_empty() {
-        return;
+        return None;
     }
     let painter = ui.painter_at(rect);
     let corner = rect.left_top() + Vec2::new(14.0, 44.0);
@@ -163,6 +163,7 @@ pub fn show(ui: &Ui, rect: Rect, state: &mut UiState, shown: &ViewModel<'_>) {
     if response.on_hover_text(tip).clicked() {
         state.layers.is_legend_open = Some(is_folded);
     }
+    Some(ground.expand(6.0))
 }
 
 /// The texts of a legend, laid out, and its size with the title.

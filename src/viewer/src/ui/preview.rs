@@ -249,7 +249,13 @@ fn show(
     // Above the picture, whose legend comes and goes.
     ui.horizontal_wrapped(|ui| {
         ui.spacing_mut().item_spacing.x = 4.0;
-        let width = (ui.available_width() - SPEED_WIDTH - DRIVE).clamp(PICKER, WIDEST_PICKER);
+        let beside = if shown.replay.is_none() { SPEED_WIDTH + DRIVE } else { SPEED_WIDTH };
+        // Where the others need a row of their own in any case, it has this one.
+        let room = match ui.available_width() {
+            all if all < PICKER + beside => all,
+            all => all - beside,
+        };
+        let width = room.clamp(PICKER, WIDEST_PICKER);
         bar::cell(ui, width, |ui| picker(ui, width, preview, shown.cameras_of(preview.vehicle)));
         if shown.replay.is_none() {
             drive_button(ui, (preview.vehicle, shown), state, actions);

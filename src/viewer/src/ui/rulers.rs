@@ -13,7 +13,11 @@ const MARGIN: f32 = 14.0;
 /// Height of the lowest row with coordinates and scale, points.
 const HEIGHT: f32 = 42.0;
 /// The smallest view that has rulers, points.
-const LEAST: Vec2 = Vec2::new(320.0, 240.0);
+const LEAST: Vec2 = Vec2::new(230.0, 190.0);
+/// In a narrower view coordinates and scale have no room in one row, points.
+const NARROW: f32 = 480.0;
+/// Height of scale and north arrow, points.
+const ABOVE_NORTH: f32 = 66.0;
 /// Height of the sign that the past is shown.
 const PAST_SIGN: f32 = 40.0;
 const COLOUR: Color32 = Color32::from_gray(235);
@@ -43,7 +47,11 @@ pub fn paint(canvas: &Canvas<'_>, state: &UiState, shown: &ViewModel<'_>, pointe
     if let Some(ground) = pointed.and_then(|at| canvas.ground_at(at)) {
         let text = place_words(shown, ground, theme::decimal(canvas.painter().ctx()));
         // The sign of the past is in the middle of the lowest row.
-        let row = if shown.past.is_shown { PAST_SIGN } else { 0.0 };
+        let row = match shown.past.is_shown {
+            _ if rect.width() < NARROW => ABOVE_NORTH,
+            true => PAST_SIGN,
+            false => 0.0,
+        };
         let left = rect.left_bottom() + Vec2::new(MARGIN, -MARGIN - row);
         label(canvas, (left, Align2::LEFT_BOTTOM), text);
     }

@@ -2,7 +2,7 @@
 
 use crate::ui::{status, theme};
 use city3d_protocol::snapshot::VehicleState;
-use egui::{Align2, Color32, FontId, Sense, Ui, Vec2};
+use egui::{Align2, Color32, FontId, Rect, Sense, Ui, Vec2};
 
 /// Steering, gas, brake and handbrake as bars and numbers; without numbers where they are not known.
 pub(super) fn pedals(ui: &mut Ui, vehicle: &VehicleState, (is_physical, has_control_data): (bool, bool)) {
@@ -35,6 +35,8 @@ pub(super) fn pedals(ui: &mut Ui, vehicle: &VehicleState, (is_physical, has_cont
 const NAME_WIDTH: f32 = 72.0;
 const NUMBER_WIDTH: f32 = 56.0;
 const BAR_HEIGHT: f32 = 14.0;
+/// A shorter bar tells nothing beside its name and number: it has a row of its own, points.
+const LEAST_BAR: f32 = 40.0;
 /// Steering angle at the end of the bar.
 const STEERING_END_DEG: f64 = 45.0;
 
@@ -42,11 +44,7 @@ fn bar(ui: &mut Ui, name: (&str, &str), value: f64, colour: Color32) {
     let number = theme::decimal(ui.ctx()).fixed(value, 2);
     gauge(ui, name, &number, |painter, rect| {
         let width = rect.width() * value.clamp(0.0, 1.0) as f32;
-        painter.rect_filled(
-            egui::Rect::from_min_size(rect.min, Vec2::new(width, rect.height())),
-            2.0,
-            colour,
-        );
+        painter.rect_filled(Rect::from_min_size(rect.min, Vec2::new(width, rect.height())), 2.0, colour);
     });
 }
 
@@ -58,19 +56,16 @@ fn steering(ui: &mut Ui, angle_deg: f64, tip: &str) {
         let share = (-angle_deg / STEERING_END_DEG).clamp(-1.0, 1.0) as f32;
         let middle = rect.center().x;
         let end = middle + share * rect.width() / 2.0;
-        let part = egui::Rect::from_x_y_ranges(middle.min(end)..=middle.max(end), rect.y_range());
+        let part = Rect::from_x_y_ranges(middle.min(end)..=middle.max(end), rect.y_range());
         painter.rect_filled(part, 0.0, Color32::from_rgb(90, 140, 210));
         painter.vline(middle, rect.y_range(), egui::Stroke::new(1.0, Color32::GRAY));
     });
 }
 
-fn gauge(
-    ui: &mut Ui,
-    (name, tip): (&str, &str),
-    number: &str,
-    fill: impl FnOnce(&egui::Painter, egui::Rect),
-) {
-    let size = Vec2::new(ui.available_width(), BAR_HEIGHT);
+fn gauge(ui: &mut Ui, (name, tip): (&str, &str), number: &str, fill: impl FnOnce(&egui::Painter, Rect)) {
+    let width = ui.available_width();
+    let is_below = width < NAME_WIDTH + LEAST_BAR + NUMBER_WIDTH;
+    let size = Vec2::new(width, if is_below { 2.0 * BAR_HEIGHT } else { BAR_HEIGHT });
     let (rect, response) = ui.allocate_exact_size(size, Sense::hover());
     response.widget_info(|| {
         egui::WidgetInfo::labeled(egui::Role::ProgressIndicator, true, format!("{name} {number}"))
@@ -79,11 +74,14 @@ fn gauge(
     let painter = ui.painter_at(rect);
     let colour = ui.visuals().text_color();
     let font = FontId::proportional(12.0);
-    painter.text(rect.left_center(), Align2::LEFT_CENTER, name, font, colour);
-    painter.text(rect.right_center(), Align2::RIGHT_CENTER, number, FontId::monospace(12.0), colour);
-    let mut track = rect.shrink2(Vec2::new(0.0, 2.0));
-    track.min.x += NAME_WIDTH;
-    track.max.x = (track.max.x - NUMBER_WIDTH).max(track.min.x);
+    let row = Rect::from_min_size(rect.min, Vec2::new(width, BAR_HEIGHT));
+    painter.text(row.left_center(), Align2::LEFT_CENTER, name, font, colour);
+    painter.text(row.right_center(), Align2::RIGHT_CENTER, number, FontId::monospace(12.0), colour);
+    let track = match is_below {
+        true => row.translate(Vec2::new(0.0, BAR_HEIGHT)),
+        false => Rect::from_x_y_ranges(row.left() + NAME_WIDTH..=row.right() - NUMBER_WIDTH, row.y_range()),
+    };
+    let track = track.shrink2(Vec2::new(0.0, 2.0));
     painter.rect_filled(track, 2.0, ui.visuals().extreme_bg_color);
     let edge = ui.visuals().widgets.noninteractive.bg_stroke;
     painter.rect_stroke(track, 2.0, edge, egui::StrokeKind::Outside);
