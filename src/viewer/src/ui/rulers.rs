@@ -68,7 +68,8 @@ pub fn place_words(shown: &ViewModel<'_>, ground: DVec2, decimal: DecimalSeparat
 }
 
 fn label(canvas: &Canvas<'_>, (at, align): (Pos2, Align2), text: String) {
-    let galley = canvas.painter().layout_no_wrap(text, FontId::proportional(12.0), COLOUR);
+    let width = canvas.rect().width() - 2.0 * MARGIN;
+    let galley = canvas.painter().layout(text, FontId::proportional(12.0), COLOUR, width);
     let place = align.anchor_size(at, galley.size());
     canvas.painter().rect_filled(place.expand2(Vec2::new(6.0, 3.0)), 4.0, GROUND);
     canvas.painter().galley(place.min, galley, COLOUR);

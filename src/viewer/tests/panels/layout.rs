@@ -405,3 +405,25 @@ fn the_card_of_a_finished_run_opens_beside_the_vehicle_that_one_looks_at() {
         assert!(harness.ctx.content_rect().contains_rect(card), "{card:?}");
     }
 }
+
+/// Whether the charts float when they are opened in a window of a size, in which they are closed again.
+fn floats_in(harness: &mut Harness<'static, Desk>, size: egui::Vec2) -> bool {
+    harness.set_size(size);
+    harness.run_steps(4);
+    press(harness, Key::F6);
+    harness.run_steps(6);
+    assert!(harness.state().state.open.charts);
+    let floats = harness.query_by_role_and_label(Role::Window, "Charts").is_some();
+    press(harness, Key::F6);
+    harness.run_steps(4);
+    floats
+}
+
+#[test]
+fn charts_open_below_the_city_and_over_it_where_there_is_no_room_below() {
+    let mut harness = with(6);
+    let sizes = [vec2(1280.0, 720.0), vec2(853.0, 480.0), vec2(1280.0, 720.0)];
+    assert_eq!(sizes.map(|size| floats_in(&mut harness, size)), [false, true, false]);
+    harness.state_mut().state.layout.toggle_floating(Panel::Charts);
+    assert_eq!(sizes.map(|size| floats_in(&mut harness, size)), [true; 3], "the user has lifted them");
+}

@@ -21,6 +21,8 @@ use std::collections::{BTreeMap, BTreeSet};
 pub struct Layout {
     tree: Tree<Panel>,
     floating: BTreeSet<Panel>,
+    /// Panels that the user has docked or lifted: whether others open over the city is up to the room there is.
+    chosen: BTreeSet<Panel>,
     /// Sizes that the user has given what is beside the city, by tile, points; the city takes the rest.
     points: BTreeMap<u64, f32>,
     /// Sizes in this frame, which the room may limit.
@@ -68,8 +70,8 @@ const TAB_BAR: f32 = 22.0;
 pub(super) fn show(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>, actions: &mut Vec<UiAction>) {
     // Panels do not change the layout while it is shown.
     let mut layout = std::mem::take(&mut state.layout);
-    layout.update(state);
     let room = ui.available_rect_before_wrap();
+    layout.update(state, room.height());
     layout.fit(ui, room.size());
     let (hidden, city) = (layout.hidden(), layout.tree.tiles.find_pane(&Panel::City));
     let mut dock = Dock { state, shown, actions, hidden, city, closed: None, lifted: None };
@@ -81,7 +83,7 @@ pub(super) fn show(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>, acti
         (entry(panel).close)(state);
     }
     if let Some(panel) = lifted {
-        layout.floating.insert(panel);
+        layout.choose_floating(panel, true);
     }
     state.layout = layout;
 }
@@ -89,8 +91,9 @@ pub(super) fn show(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>, acti
 impl Layout {
     /// A layout of which nothing has been shown yet.
     fn of(tree: Tree<Panel>, floating: BTreeSet<Panel>, points: BTreeMap<u64, f32>) -> Self {
+        let chosen = floating.iter().copied().filter(|panel| entry(*panel).home == Home::ChartsRow).collect();
         let (fitted, lifted) = (BTreeMap::new(), BTreeSet::new());
-        Self { tree, floating, points, fitted, lifted, opening: Vec::new(), opened: None }
+        Self { tree, floating, chosen, points, fitted, lifted, opening: Vec::new(), opened: None }
     }
 
     /// Whether a panel is over the city, not beside it.
@@ -100,9 +103,22 @@ impl Layout {
 
     /// Docks a floating panel, or lifts a docked one.
     pub fn toggle_floating(&mut self, panel: Panel) {
-        if !self.floating.remove(&panel) && panel != Panel::City {
-            self.floating.insert(panel);
+        if panel != Panel::City {
+            self.choose_floating(panel, !self.is_floating(panel));
         }
+    }
+
+    /// Lifts or docks a panel for the user.
+    fn choose_floating(&mut self, panel: Panel, floats: bool) {
+        self.chosen.insert(panel);
+        self.set_floating(panel, floats);
+    }
+
+    fn set_floating(&mut self, panel: Panel, floats: bool) {
+        match floats {
+            true => self.floating.insert(panel),
+            false => self.floating.remove(&panel),
+        };
     }
 
     /// Brings a docked panel to the front; returns whether it was behind another one.
@@ -116,12 +132,19 @@ impl Layout {
         is_behind && self.tree.make_active(|id, _| id == tile)
     }
 
-    /// Brings the tiles into line with the panels that are open.
-    fn update(&mut self, state: &UiState) {
+    /// Brings the tiles into line with the panels that are open, in a room of some height.
+    fn update(&mut self, state: &UiState, height: f32) {
         self.opening.clear();
         for PanelEntry { panel, is_open, home, .. } in &panels::ALL {
-            let is_docked = is_open(state) && !self.is_floating(*panel);
             let place = self.tree.tiles.find_pane(panel);
+            let was_open =
+                self.lifted.contains(panel) || place.is_some_and(|tile| self.tree.is_visible(tile));
+            let opens = is_open(state) && !was_open;
+            if opens && *home == Home::ChartsRow && !self.chosen.contains(panel) {
+                // In a low room neither the city nor the plot would be more than a stripe.
+                self.set_floating(*panel, height < sizes::LOW_ROOM);
+            }
+            let is_docked = is_open(state) && !self.is_floating(*panel);
             let tile = match place {
                 Some(tile) => tile,
                 None if is_docked => self.insert(*panel, *home),
@@ -293,7 +316,7 @@ impl Layout {
                 close(state);
             }
             if !stays_floating {
-                self.floating.remove(panel);
+                self.choose_floating(*panel, false);
             }
         }
     }

@@ -18,7 +18,7 @@ const LARGEST: f32 = 640.0;
 const MOST: f32 = 0.333;
 const MOST_WITH_TABLE: f32 = 0.36;
 /// In a low room a third is too little for a chart, points.
-const LOW_ROOM: f32 = 480.0;
+pub(super) const LOW_ROOM: f32 = 480.0;
 const MOST_IN_LOW_ROOM: f32 = 0.5;
 /// Usual fractions of what is below the table, in a high and in a low room, where titles take much of that of the table.
 const USUAL_BELOW_TABLE: f32 = 0.5;

@@ -2,6 +2,7 @@
 
 use super::{Layout, Panel};
 use crate::ui::OpenPanels;
+use crate::ui::panels::{Home, entry};
 use egui_tiles::{Container, LinearDir, Tile, TileId, Tiles, Tree};
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, BTreeSet};
@@ -35,7 +36,9 @@ impl Layout {
     /// The layout for the settings; `None` where there is nothing to keep.
     pub fn stored(&self, open: OpenPanels) -> Option<StoredLayout> {
         let root = self.store(self.tree.root?)?;
-        Some(StoredLayout { open, floating: self.floating.clone(), root })
+        let is_kept = |panel: &Panel| entry(*panel).home != Home::ChartsRow || self.chosen.contains(panel);
+        let floating = self.floating.iter().copied().filter(is_kept).collect();
+        Some(StoredLayout { open, floating, root })
     }
 
     fn store(&self, tile: TileId) -> Option<StoredTile> {
