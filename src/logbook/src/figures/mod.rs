@@ -3,6 +3,7 @@
 pub mod chart;
 mod compare;
 mod draw;
+mod gap;
 mod labels;
 mod metres;
 mod occupancy;

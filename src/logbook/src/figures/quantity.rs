@@ -1,19 +1,15 @@
 //! Quantities of vehicles over time: one figure for several vehicles.
 
 use super::chart::{ChartLine, Dash, Figure, LegendEntry, LineStyle, PALETTE, Panel};
+use super::gap::gaps;
 use super::labels::conditions;
-use super::run::{Trace, TraceSample};
+use super::run::Trace;
 use super::style::{STYLES, distinct_styles};
 use super::table::{TidyTable, number};
 use city3d_geometry::KMH_PER_MPS;
-use city3d_roadmap::LaneId;
-use city3d_simulation::measures::{LaneFinder, SIGHT_M};
 use city3d_simulation::scenario::Experiment;
-use glam::DVec2;
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeSet;
 
-/// A leader farther ahead than this is not followed, city metres.
-const FOLLOWED_M: f64 = SIGHT_M;
 /// Below this speed a time headway means nothing, city m/s.
 const LEAST_SPEED_MPS: f64 = 0.5;
 
@@ -203,99 +199,6 @@ fn accelerations(trace: &Trace) -> Vec<(f64, f64)> {
     trace.samples.iter().map(of).collect()
 }
 
-/// Where a vehicle was: place of its sample, its lane, and its front bumper along that lane.
-#[derive(Clone, Copy)]
-pub(super) struct LaneStation {
-    pub sample: usize,
-    pub lane: LaneId,
-    pub front_m: f64,
-}
-
-/// Beginnings of the lanes of a trace, and of those that it has yet to drive by its route, along its way, city metres.
-pub(super) fn lane_starts(trace: &Trace, experiment: &Experiment) -> BTreeMap<LaneId, Vec<f64>> {
-    let mut starts: BTreeMap<LaneId, Vec<f64>> = BTreeMap::new();
-    for visit in &trace.track.visits {
-        starts.entry(visit.lane).or_default().push(visit.start_m);
-    }
-    let Some(last) = trace.track.visits.last() else { return starts };
-    let route = experiment.planned(trace.id).map_or(&[][..], |planned| planned.route.as_slice());
-    let Some(index) = route.iter().rposition(|lane| *lane == last.lane) else { return starts };
-    let length_m = |lane: LaneId| experiment.city_map.lane(lane).curve.length();
-    let mut start_m = last.start_m + length_m(last.lane);
-    let seen_to_m = start_m + FOLLOWED_M;
-    for lane in &route[index + 1..] {
-        if start_m > seen_to_m {
-            break;
-        }
-        starts.entry(*lane).or_default().push(start_m);
-        start_m += length_m(*lane);
-    }
-    starts
-}
-
-/// Gap to the next vehicle ahead on the lanes of a trace at each of its samples, city metres.
-fn gaps(trace: &Trace, all: &[Trace], experiment: &Experiment) -> Vec<(f64, f64)> {
-    let starts = lane_starts(trace, experiment);
-    let finder = LaneFinder::new(&experiment.city_map);
-    let mut gaps = vec![f64::NAN; trace.samples.len()];
-    for other in all.iter().filter(|other| other.id != trace.id) {
-        let mut stations = stations(other).peekable();
-        let mut next = 0;
-        for (sample, state) in other.samples.iter().enumerate() {
-            let station = stations.next_if(|station| station.sample == sample);
-            while trace.samples.get(next).is_some_and(|own| own.time_s < state.time_s - 1e-6) {
-                next += 1;
-            }
-            let own = trace.samples.get(next).filter(|own| (own.time_s - state.time_s).abs() < 1e-6);
-            let is_on_lane = trace.track.stations_m.get(next).is_some_and(|own_m| own_m.is_finite());
-            let Some(own) = own.filter(|_| is_on_lane) else { continue };
-            let own_front_m = trace.front_m(next);
-            let length_m = other.dimensions.length_m;
-            let mut count = |rear_m: f64| {
-                let gap_m = rear_m - own_front_m;
-                let is_ahead = gap_m > -length_m && gap_m < FOLLOWED_M;
-                if is_ahead && (gaps[next].is_nan() || gap_m < gaps[next]) {
-                    gaps[next] = gap_m;
-                }
-            };
-            match station.filter(|station| starts.contains_key(&station.lane)) {
-                Some(station) => {
-                    starts[&station.lane]
-                        .iter()
-                        .for_each(|start_m| count(start_m + station.front_m - length_m));
-                }
-                None if own.pose.position.distance(state.pose.position) < FOLLOWED_M => {
-                    let on_lanes = |at: DVec2| finder.lanes_under(&experiment.city_map, at);
-                    body_points(state, length_m).into_iter().for_each(|at| {
-                        for (lane, at_m, _) in on_lanes(at) {
-                            starts.get(&lane).into_iter().flatten().for_each(|start_m| count(start_m + at_m));
-                        }
-                    });
-                }
-                None => {}
-            }
-        }
-    }
-    trace.samples.iter().map(|sample| sample.time_s).zip(gaps).collect()
-}
-
-/// Points along a vehicle, which may be in the way of others while its axles are on a lane of its own.
-fn body_points(state: &TraceSample, length_m: f64) -> [DVec2; 4] {
-    [-0.5, -0.17, 0.17, 0.5].map(|share| state.pose.point_at(share * length_m, 0.0))
-}
-
-/// The lanes of a trace, sample by sample.
-pub(super) fn stations(trace: &Trace) -> impl Iterator<Item = LaneStation> {
-    let ahead_m = (trace.dimensions.length_m - trace.dimensions.wheelbase_m) / 2.0;
-    let of = move |(sample, station_m): (usize, &f64)| {
-        let visits = &trace.track.visits;
-        let visit = visits.partition_point(|visit| visit.start_m <= *station_m).checked_sub(1)?;
-        let front_m = station_m - visits[visit].start_m + ahead_m;
-        Some(LaneStation { sample, lane: visits[visit].lane, front_m })
-    };
-    trace.track.stations_m.iter().enumerate().filter(|(_, station_m)| station_m.is_finite()).filter_map(of)
-}
-
 /// What a figure of a quantity over time shows.
 #[derive(Clone, Debug)]
 pub struct SeriesFigure<'a> {
@@ -441,7 +344,6 @@ mod tests {
     use super::super::run::TraceBuilder;
     use super::*;
     use crate::record::LogOrigin;
-    use city3d_simulation::measures::{LaneFinder, TrafficPlace};
     use city3d_simulation::runner::Run;
     use city3d_simulation::scenario::{Library, Overrides, read_experiment};
     use std::sync::Arc;
@@ -510,47 +412,6 @@ mod tests {
         assert_eq!(leads.count(), 1, "who leads follows nobody");
         let lead = figure.legend.iter().filter(|entry| entry.name.ends_with("(no leader)"));
         assert_eq!(lead.count(), 1, "the legend says why it has no line");
-    }
-
-    #[test]
-    fn the_last_gap_is_that_to_the_vehicle_ahead_on_the_route() {
-        let (text, library) = Library::scenario("roundabout").unwrap();
-        let experiment = read_experiment("roundabout", &text, &library, Overrides::default()).unwrap();
-        let mut run = Run::new(Arc::new(experiment)).unwrap();
-        let finder = LaneFinder::new(&run.experiment().city_map);
-        let mut builder = TraceBuilder::new(Arc::clone(run.experiment()));
-        let mut checked = 0;
-        while run.snapshot().time_s < 25.0 {
-            for vehicle in &run.snapshot().vehicles {
-                builder.see(run.snapshot().time_s, vehicle);
-            }
-            if run.snapshot().tick.is_multiple_of(100) && run.snapshot().tick > 0 {
-                checked +=
-                    assert_same_leaders(&run, &finder, &builder.clone().finish(LogOrigin::Run).vehicles);
-            }
-            (0..10).for_each(|_| _ = run.step());
-        }
-        assert!(checked > 30, "{checked}");
-    }
-
-    /// Compares the last gaps of traces with those that the present poses show; returns their number.
-    fn assert_same_leaders(run: &Run, finder: &LaneFinder, traces: &[Trace]) -> usize {
-        let (snapshot, experiment) = (run.snapshot(), run.experiment());
-        let mut checked = 0;
-        for trace in traces {
-            let route = &experiment.planned(trace.id).unwrap().route;
-            let place = TrafficPlace::of((&experiment.city_map, finder), snapshot, trace.id, route);
-            let Some(leader) = place.and_then(|place| place.leader) else { continue };
-            let gap_m = leader.following.gap_m;
-            let (_, charted_m) = *gaps(trace, traces, experiment).last().unwrap();
-            if gap_m > 0.9 * FOLLOWED_M {
-                continue;
-            }
-            let time_s = snapshot.time_s;
-            assert!(charted_m < gap_m + 1.5, "{time_s} s, {}: {charted_m}, {gap_m} m", trace.id);
-            checked += 1;
-        }
-        checked
     }
 
     #[test]

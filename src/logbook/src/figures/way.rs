@@ -1,8 +1,8 @@
 //! Space-time diagram of the way of one vehicle: the front bumpers of everybody on its lanes, from its own front at the end.
 
 use super::chart::{ChartLine, Figure, GREY, LegendEntry, LineName, LineStyle, Panel};
+use super::gap::{lane_starts, stations};
 use super::labels::conditions;
-use super::quantity::{lane_starts, stations};
 use super::run::{RunLog, Trace};
 use super::style::distinct_styles;
 use super::table::{TidyTable, number};
