@@ -80,6 +80,10 @@ fn vertex_colour(c: vec3<f32>) -> vec3<f32> {
     return linear_from_srgb(c);
 }
 
+fn luminance(c: vec3<f32>) -> f32 {
+    return dot(c, vec3<f32>(0.2126, 0.7152, 0.0722));
+}
+
 // sRGB to linear, by a cubic polynomial.
 fn linear_from_srgb(c: vec3<f32>) -> vec3<f32> {
     return c * (c * (c * 0.305306011 + 0.682171111) + 0.012522878);

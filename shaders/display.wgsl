@@ -155,11 +155,27 @@ fn is_inside(place: TilePixel) -> bool {
     return depth > 0.0 && point.z < INSIDE_M * point.w;
 }
 
+// Luminance of the fog in front of a pixel, of which no occlusion takes: crowns have one share of ambient light in fog and without.
+fn fog_luminance(place: TilePixel) -> f32 {
+    let depth = textureLoad(occlusion_map, texel_of(place, place.pixel), 0).y;
+    if depth <= 0.0 {
+        return 0.0;
+    }
+    let point = position_of(place.pixel, depth);
+    let from_eye = point.xyz / point.w;
+    let climb = dot((view.camera_from_clip * view.clip_from_world[2]).xyz, from_eye);
+    let along = sqrt(max(dot(from_eye, from_eye) - climb * climb, 0.0));
+    let clear = fog_transmittance(vec3<f32>(along, 0.0, climb), view.eye.z, frame.haze.w);
+    return (1.0 - clear) * luminance(frame.haze.rgb);
+}
+
 // Displayed light of a pixel, before the sRGB encoding.
 fn displayed(place: TilePixel) -> vec3<f32> {
     var occlusion = 0.0;
     var contact = 0.0;
+    var fog = 0.0;
     if ambient_occlusion {
+        fog = fog_luminance(place);
         let visible = blurred_visibility(place);
         occlusion = 1.0 - visible.x;
         if contact_shadows {
@@ -188,9 +204,11 @@ fn displayed(place: TilePixel) -> vec3<f32> {
         }
         // What shines by itself, and glass, whose depth is that of what is behind it, have a negative share: nothing takes light
         // from them.
-        var dark = occlusion * max(sample.a, 0.0);
+        let solid = max(1.0 - fog / max(luminance(sample.rgb), 1e-5), 0.0);
+        let ambient = clamp(sample.a, 0.0, solid);
+        var dark = occlusion * ambient;
         if contact_shadows && sample.a >= 0.0 {
-            dark += contact * (1.0 - min(sample.a, 1.0));
+            dark += contact * (solid - ambient);
         }
         sum += aces_filmic(sample.rgb * (frame.sun.w * (1.0 - dark)) + drops);
     }

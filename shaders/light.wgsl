@@ -215,10 +215,6 @@ fn shade(m: PbrMaterial, world: vec3<f32>, normal: vec3<f32>, to_eye: vec3<f32>)
     return Lit(direct + ambient, ambient, vec4<f32>(mirror, luminance(reflectance)) * sharp);
 }
 
-fn luminance(c: vec3<f32>) -> f32 {
-    return dot(c, vec3<f32>(0.2126, 0.7152, 0.0722));
-}
-
 // Pixel of the HDR target: light through the fog.
 fn hdr_pixel(lit: Lit, glow: vec3<f32>, from_eye: vec3<f32>) -> HdrPixel {
     let clear = fog_transmittance(from_eye, view.eye.z, frame.haze.w);
