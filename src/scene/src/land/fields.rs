@@ -5,8 +5,9 @@ use super::relief::{Relief, hash_at, noise};
 use city3d_geometry::point_in_polygon;
 use glam::{DVec2, IVec2};
 
-/// Mean edge of a field.
+/// Mean edge of a field, and of one on the hills beyond, where one stands for several.
 const FIELD_M: f64 = 118.0;
+const FAR_FIELD_M: f64 = 210.0;
 /// The lattice is turned out of the axes of the map, bent, and its nodes lie off their places by this share.
 const TURN_RAD: f64 = 0.42;
 const BENT_M: f64 = 70.0;
@@ -14,6 +15,8 @@ const BEND_M: f64 = 640.0;
 const JITTER: f64 = 0.42;
 /// Fields reach so far around the closed ground.
 pub(super) const REACH_M: f64 = 1650.0;
+/// Distances within which those on the hills lie.
+const FAR_M: [f64; 2] = [REACH_M + 40.0, 4200.0];
 /// Mean width of the common land between the town and its fields, and how far its edge is off that.
 pub(super) const COMMON_M: f64 = 22.0;
 const COMMON_SWAY_M: f64 = 20.0;
@@ -51,9 +54,12 @@ const CROPS: [Crop; 10] = [
 /// A field, by the node of the lattice at its south-west corner.
 pub(super) type FieldId = [i32; 2];
 
-/// The patchwork around a town.
+/// The patchwork around a town, or the coarser one on the hills around that.
 pub(super) struct Fields<'a> {
     relief: &'a Relief,
+    edge_m: f64,
+    /// Distances from the closed ground within which it lies.
+    range_m: [f64; 2],
     middle: DVec2,
     /// Nodes in each direction from the middle.
     count: i32,
@@ -63,10 +69,20 @@ pub(super) struct Fields<'a> {
 
 impl<'a> Fields<'a> {
     pub(super) fn new(relief: &'a Relief) -> Self {
+        Self::of(relief, FIELD_M, [0.0, REACH_M])
+    }
+
+    /// Those on the hills.
+    pub(super) fn far(relief: &'a Relief) -> Self {
+        Self::of(relief, FAR_FIELD_M, FAR_M)
+    }
+
+    fn of(relief: &'a Relief, edge_m: f64, range_m: [f64; 2]) -> Self {
         let [low, high] = relief.town;
-        let half = (high - low).max_element() / 2.0 + REACH_M;
-        let count = (half / FIELD_M).ceil() as i32 + 2;
-        let mut fields = Self { relief, middle: (low + high) / 2.0, count, places: Vec::new() };
+        let half = (high - low).max_element() / 2.0 + range_m[1];
+        let count = (half / edge_m).ceil() as i32 + 2;
+        let middle = (low + high) / 2.0;
+        let mut fields = Self { relief, edge_m, range_m, middle, count, places: Vec::new() };
         fields.places = fields.nodes().map(|node| fields.place_of(node)).collect();
         fields
     }
@@ -79,7 +95,8 @@ impl<'a> Fields<'a> {
 
     fn place_of(&self, [x, y]: [i32; 2]) -> DVec2 {
         let jitter = |salt| f64::from(hash_at([x, y], salt)) - 0.5;
-        let at = DVec2::new(f64::from(x) + JITTER * jitter(31), f64::from(y) + JITTER * jitter(32)) * FIELD_M;
+        let at =
+            DVec2::new(f64::from(x) + JITTER * jitter(31), f64::from(y) + JITTER * jitter(32)) * self.edge_m;
         let bend = |salt| BENT_M * (noise(at / BEND_M, salt) - 0.5) * 2.0;
         self.middle + DVec2::from_angle(TURN_RAD).rotate(at + DVec2::new(bend(33), bend(34)))
     }
@@ -129,7 +146,7 @@ impl<'a> Fields<'a> {
 
     /// Boundaries between fields within their reach: ends, and a seed.
     pub(super) fn boundaries(&self) -> Vec<([DVec2; 2], u32)> {
-        let in_reach = |at: DVec2| self.relief.away_m(at) < REACH_M;
+        let in_reach = |at: DVec2| self.is_in_range(at);
         let edges = self.nodes().flat_map(|node| {
             let [x, y] = node;
             [(0, [x + 1, y]), (1, [x, y + 1])].map(|(axis, next)| (node, axis, next))
@@ -146,15 +163,20 @@ impl<'a> Fields<'a> {
     /// The middle of each field within reach.
     pub(super) fn middles(&self) -> impl Iterator<Item = DVec2> {
         let middle = |id: FieldId| self.corners(id).iter().sum::<DVec2>() / 4.0;
-        self.nodes().map(middle).filter(|at| self.relief.away_m(*at) < REACH_M)
+        self.nodes().map(middle).filter(|at| self.is_in_range(*at))
+    }
+
+    fn is_in_range(&self, at: DVec2) -> bool {
+        let [from_m, to_m] = self.range_m;
+        (from_m..to_m).contains(&self.relief.away_m(at))
     }
 
     /// The field at a place; nothing on the common land and beyond the patchwork.
     pub(super) fn at(&self, at: DVec2) -> Option<FieldId> {
-        if self.off_common_m(at) < 0.0 || self.relief.away_m(at) > REACH_M {
+        if self.off_common_m(at) < 0.0 || self.relief.away_m(at) > self.range_m[1] {
             return None;
         }
-        let guess = (DVec2::from_angle(-TURN_RAD).rotate(at - self.middle) / FIELD_M).floor().as_ivec2();
+        let guess = (DVec2::from_angle(-TURN_RAD).rotate(at - self.middle) / self.edge_m).floor().as_ivec2();
         // Nodes lie off their places by less than two cells.
         let near = (0..5 * 5).map(|k| guess + IVec2::new(k % 5, k / 5) - 2);
         let found = near.map(|cell| cell.to_array()).find(|&id| point_in_polygon(at, &self.corners(id)))?;
@@ -174,6 +196,12 @@ impl<'a> Fields<'a> {
         let drawn = hash_at(id, 41) * CROPS.len() as f32;
         let Crop { finish, repeat_m } = CROPS[drawn as usize % CROPS.len()];
         Crop { finish: finish.shaded(0.92 + 0.16 * hash_at(id, 42)), repeat_m }
+    }
+
+    /// Whether a field on the hills is a wood: those lie together, with fields among them.
+    pub(super) fn is_wood(&self, id: FieldId) -> bool {
+        const WAVE_M: f64 = 700.0;
+        0.66 * noise(self.node(id) / WAVE_M, 61) + 0.34 * f64::from(hash_at(id, 43)) > 0.60
     }
 
     /// Direction of its rows: along its longer side.

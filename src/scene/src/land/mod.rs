@@ -72,7 +72,9 @@ impl Land {
     pub(super) fn ground(&self) -> Mesh {
         let Self { relief, roads, .. } = self;
         let fields = Fields::new(relief);
-        LandSheet { relief, fields: &fields, roads, woods: Woods { relief } }.mesh(&self.rim)
+        let far_fields = Fields::far(relief);
+        LandSheet { relief, fields: &fields, far_fields: &far_fields, roads, woods: Woods { relief } }
+            .mesh(&self.rim)
     }
 
     /// The gravel of yards, over the ground.

@@ -13,8 +13,8 @@ use rustc_hash::FxHashMap;
 use spade::handles::{FaceHandle, FixedVertexHandle, InnerTag};
 use spade::{CdtEdge, Triangulation};
 
-/// Distances of the rings of corners beyond the patchwork from the town, and where the land ends.
-const RINGS_M: [f64; 7] = [1700.0, 2050.0, 2550.0, 3150.0, 3850.0, 4700.0, 5800.0];
+/// Distances of the rings of corners beyond all fields from the town, and where the land ends.
+const RINGS_M: [f64; 2] = [4750.0, 5800.0];
 const END_M: f64 = 9000.0;
 const AROUND: u32 = 44;
 /// Spacing of corners along the boundary of a field. Farther from the town than this fields have none but their own.
@@ -27,8 +27,8 @@ const UNDER_TREES: f64 = 0.006;
 const FOREST_FLOOR: Finish = Finish { colour: [76, 88, 50], ..GRASS };
 /// How often wedges are looked for: some are of several triangles.
 const WEDGE_PASSES: usize = 4;
-/// Colour of woods beyond the patchwork.
-const FAR_WOOD: [f32; 3] = [58.0, 76.0, 48.0];
+/// Woods on the hills beyond the patchwork.
+const FAR_WOOD: Finish = Finish { colour: [56, 73, 45], ..GRASS };
 
 /// What a triangle of the land is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -39,6 +39,8 @@ enum Cover {
     /// Leaves and moss under trees.
     Wood,
     Common,
+    /// Of the patchwork on the hills.
+    FarField(FieldId),
     Far,
 }
 
@@ -64,6 +66,7 @@ fn without_wedge(face: &Face<'_>, own: Cover, covers: &[Option<Cover>]) -> Cover
 pub(super) struct LandSheet<'a> {
     pub(super) relief: &'a Relief,
     pub(super) fields: &'a Fields<'a>,
+    pub(super) far_fields: &'a Fields<'a>,
     pub(super) roads: &'a [CountryRoad],
     pub(super) woods: Woods<'a>,
 }
@@ -84,7 +87,7 @@ impl LandSheet<'_> {
         for stretch in closed.split(|at| !self.is_off_roads(*at)) {
             self.add_line(&mut plan, stretch.iter().copied());
         }
-        for (ends, _) in self.fields.boundaries() {
+        for (ends, _) in self.fields.boundaries().into_iter().chain(self.far_fields.boundaries()) {
             self.add_boundary(&mut plan, ends);
         }
         let is_fine = |at: &DVec2| self.relief.away_m(*at) < FINE_WITHIN_M && self.is_open(*at);
@@ -202,7 +205,7 @@ impl LandSheet<'_> {
             Some(_) if self.woods.depth_at(at) > UNDER_TREES => Cover::Wood,
             Some(field) => Cover::Field(field),
             None if self.relief.away_m(at) < fields::REACH_M => Cover::Common,
-            None => Cover::Far,
+            None => self.far_fields.at(at).map_or(Cover::Far, Cover::FarField),
         }
     }
 
@@ -257,11 +260,18 @@ impl LandSheet<'_> {
                 let uv = Vec2::new(at.dot(rows) as f32, at.dot(rows.perp()) as f32);
                 (crop.finish, uv / Vec2::from(crop.repeat_m))
             }
+            Cover::FarField(id) if self.far_fields.is_wood(id) => (FAR_WOOD, flat / 24.0),
+            Cover::FarField(id) => {
+                let Finish { colour, .. } = self.far_fields.crop_of(id).finish;
+                // Of several fields together, whose colours are more alike.
+                let paler = [0, 1, 2].map(|k| colour[k] - colour[k] / 3 + GRASS.colour[k] / 3);
+                (Finish { colour: paler, ..GRASS }, flat / 24.0)
+            }
             Cover::Far => {
                 let wooded = smoothstep([0.52, 0.62], noise(at / 520.0, 61)) as f32;
                 let dry = noise(at / 340.0, 62) as f32;
                 let open = [98.0 + 26.0 * dry, 114.0 + 12.0 * dry, 72.0 + 8.0 * dry];
-                let mix = |k: usize| open[k] + (FAR_WOOD[k] - open[k]) * wooded;
+                let mix = |k: usize| open[k] + (f32::from(FAR_WOOD.colour[k]) - open[k]) * wooded;
                 (Finish { colour: [0, 1, 2].map(|k| mix(k) as u8), ..GRASS }, flat / 24.0)
             }
         };
