@@ -12,7 +12,7 @@ mod trimmings;
 pub(super) use style::DARK;
 pub(super) use trimmings::object as trimmings;
 
-use super::aprons::Gateway;
+use super::aprons::{Apron, Gateway};
 use super::doorways::Doorway;
 use super::grounds::ring_of;
 use super::lanes::LaneBoxIndex;
@@ -56,7 +56,7 @@ pub(super) fn building(
     let sides: Vec<Facade> =
         (0..ring.len()).map(|k| Facade { from: ring[k], to: ring[(k + 1) % ring.len()] }).collect();
     let short = sides.iter().map(Facade::width).fold(f32::INFINITY, f32::min);
-    let style = style::style(place, &name, short, height);
+    let mut style = style::style(place, &name, short, height);
     let gabled = style.gabled && ring.len() == 4;
     let rise = if gabled { rise_of(&name, short, height) } else { 0.0 };
     let eaves = height - rise;
@@ -80,6 +80,11 @@ pub(super) fn building(
         open = (0..sides.len()).collect();
     }
     let front = entrance::front_of(&sides, &open, lanes, place.piece.front_rad);
+    let gates = Gateway { ends: [sides[front].from, sides[front].to], out: sides[front].outward() };
+    // Gates without a drive would open onto a lawn.
+    if Apron::new(&gates, around.map, around.field).is_none() {
+        style.gates = None;
+    }
     let bay = entrance::door_bay(&sides[front], &style, around);
     let back = entrance::back_door(&sides, &open, front, &style, place, around);
     let below = roof::eaves_over(&ring, gabled);
@@ -112,7 +117,6 @@ pub(super) fn building(
     let door = (bay + 0.5) / sides[front].bays();
     let at = sides[front].at(door, 0.0, 0.0).truncate();
     let out = sides[front].outward();
-    let gates = Gateway { ends: [sides[front].from, sides[front].to], out };
     Doors {
         front: style.gates.is_none().then_some(Doorway { at, out }),
         back: back_way,
