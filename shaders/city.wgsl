@@ -223,6 +223,11 @@ fn emission(layer: u32, seed: u32, uv: vec2<f32>, texel: vec4<f32>) -> vec3<f32>
 // Sizes of a pixel in metres between which leaves at the outline fade to a solid crown.
 const LEAVES_FADE: vec2<f32> = vec2<f32>(0.025, 0.055);
 
+// Height of lobes below which they leave gaps at the outline, and cosine of the angle at which a crown faces the eye from which
+// on they leave none.
+const OUTLINE_LOBES: f32 = 0.68;
+const OUTLINE_FACING: f32 = 0.42;
+
 // Share of the sun's light from behind that a crown lets through. A leaf lets half as much through as it reflects (see the table of
 // docs/reference.md), and most of those that are seen from the shady side have other leaves between them and the sun.
 const LEAF_TRANSLUCENCE: f32 = 0.2;
@@ -254,14 +259,19 @@ fn crown_pixel(in: Fragment) -> vec4<f32> {
         return spray_pixel(in, dx, uv_dx);
     }
     let leafy = near_foliage(Foliage(texel.rgb, smooth_normal, texel.g), LEAVES, in.uv, dx, uv_dx);
-    let crown = far_wood(leafy, in.world, pixel_on_ground(dx[0], dx[1]));
-    // Near the outline only the brightest leaves cover the background.
+    let pixel_m = pixel_on_ground(dx[0], dx[1]);
     let pixel = 2.0 * distance * abs(view.camera_from_clip[1][1]) / view.extent.y;
+    let lobes = lobed(leafy, in.world, pixel_m, pixel);
+    let crown = far_wood(lobes.leafy, in.world, pixel_m);
+    // Near the outline only the brightest leaves cover the background.
     let near = 1.0 - smoothstep(LEAVES_FADE.x, LEAVES_FADE.y, pixel);
     // In dark parts of the crown other leaves lie behind those of the outline.
     let bare = smoothstep(0.50, 0.78, in.colour.a);
     let least = 0.80 * near * bare * (1.0 - smoothstep(0.0, 0.65, dot(smooth_normal, to_eye)));
-    let cover = clamp((0.35 * crown.height + 0.65 * sprays - least) * 12.0 + 0.5, 0.0, 1.0);
+    let ragged = clamp((0.35 * crown.height + 0.65 * sprays - least) * 12.0 + 0.5, 0.0, 1.0);
+    // From farther away its lobes make the outline.
+    let brink = OUTLINE_LOBES * bare * (1.0 - smoothstep(0.0, OUTLINE_FACING, dot(smooth_normal, to_eye)));
+    let cover = min(ragged, mix(1.0, clamp((lobes.height - brink) * 5.0 + 0.5, 0.0, 1.0), lobes.seen));
     let leaf = PbrMaterial(crown.albedo * in.colour.rgb, in.colour.a, texel.a, 0.0, LEAF_TRANSLUCENCE, 0.0);
     let seen = hdr_pixel(shade(leaf, in.world, crown.normal, to_eye), vec3<f32>(0.0), from_eye);
     return vec4<f32>(seen.radiance.rgb, cover);
@@ -336,7 +346,7 @@ fn lit_pixel(in: Fragment) -> HdrPixel {
     }
     if layer == LEAVES || layer == NEEDLES {
         let leafy = near_foliage(Foliage(pattern, normal, 0.0), layer, in.uv, edges, uv_dx);
-        let near = far_wood(leafy, in.world, pixel);
+        let near = far_wood(lobed(leafy, in.world, pixel, pixel.x).leafy, in.world, pixel);
         pattern = near.albedo;
         normal = near.normal;
     }

@@ -143,20 +143,88 @@ fn near_foliage(far: Foliage, layer: u32, uv: vec2<f32>, dx: array<vec3<f32>, 2>
     );
 }
 
-// Width of the lobes of a crown, and distances between which they come in, metres: nearer there are sprays and leaves.
-const LOBE_M: f32 = 1.4;
+// Widths of the lobes of a crown, of its tufts and of the sprays on these, metres, and distances between which they come in:
+// nearer there are sprays and leaves.
+const LOBE_M: f32 = 1.7;
+const TUFT_M: f32 = 0.75;
+const SPRAY_M: f32 = 0.34;
 const LOBES_M: vec2<f32> = vec2<f32>(25.0, 60.0);
 
-// Lobes of crowns at a middle distance, whose meshes have few faces: each is round, with shade around it.
-fn lobed(near: Foliage, world: vec3<f32>, pixel: vec2<f32>) -> Foliage {
-    let away = smoothstep(LOBES_M.x, LOBES_M.y, length(world - view.eye.xyz)) * detail_seen(pixel, LOBE_M);
-    if away <= 0.0 {
-        return near;
+// A round lump of leaves around a place: its axis from the middle out, its tone, and 0 at its edge to 1 on it.
+struct Lobe {
+    out: vec3<f32>,
+    tone: f32,
+    height: f32,
+}
+
+// Turned, so that no grid shows on upright or level faces.
+const LOBE_AXES: mat3x3<f32> = mat3x3<f32>(
+    vec3<f32>(0.36, 0.48, -0.80),
+    vec3<f32>(-0.80, 0.60, 0.0),
+    vec3<f32>(0.48, 0.64, 0.60),
+);
+
+// Cellular noise in space (Worley 1996): of each cell's point, which lies near the middle of it, one of 8 is the nearest.
+fn lobe_at(place: vec3<f32>, salt: u32) -> Lobe {
+    let at = LOBE_AXES * place;
+    let first = floor(at - 0.5);
+    var nearest = vec2<f32>(9.0);
+    var out = vec3<f32>(0.0);
+    var tone = 0.5;
+    for (var k = 0; k < 8; k++) {
+        let cell = first + vec3<f32>(f32(k & 1), f32((k >> 1u) & 1), f32(k >> 2u));
+        let dice = cell_dice(vec2<i32>(cell.xy), salt + 977u * bitcast<u32>(i32(cell.z)));
+        let away = at - cell - (0.1 + 0.8 * dice);
+        let far = dot(away, away);
+        if far < nearest.x {
+            nearest = vec2<f32>(far, nearest.x);
+            out = away;
+            tone = fract(7.0 * (dice.x + dice.y));
+        } else if far < nearest.y {
+            nearest.y = far;
+        }
     }
-    let lobe = stones((world.xy + vec2<f32>(0.8, 0.6) * world.z) / LOBE_M, 97u);
-    let light = (0.66 + 0.40 * lobe.w) * (0.84 + 0.32 * lobe.z);
-    let round = vec3<f32>(lobe.xy * (1.2 * away), 0.25 * away * lobe.w);
-    return Foliage(near.albedo * mix(1.0, light, away), normalize(near.normal + round), near.height);
+    let far = sqrt(nearest);
+    let height = 0.6 * (1.0 - smoothstep(0.15, 0.80, far.x)) + 0.4 * smoothstep(0.0, 0.45, far.y - far.x);
+    return Lobe(out * LOBE_AXES, tone, height);
+}
+
+// Crowns at a middle distance, whose meshes have few faces.
+struct Lobed {
+    leafy: Foliage,
+    // How far out the leaves lie at the outline, and how much of that is seen.
+    height: f32,
+    seen: f32,
+}
+
+// Lumps of leaves on lumps: each is round, with shade below it and around. `pixel` is the size of a pixel on the surface, `facing`
+// that of one on a surface that faces the eye: at the outline the former is not known.
+fn lobed(near: Foliage, world: vec3<f32>, pixel: vec2<f32>, facing: f32) -> Lobed {
+    let away = smoothstep(LOBES_M.x, LOBES_M.y, length(world - view.eye.xyz));
+    let across = vec2<f32>(facing);
+    let outline = away * vec3<f32>(detail_seen(across, LOBE_M), detail_seen(across, TUFT_M), detail_seen(across, SPRAY_M));
+    if outline.x <= 0.0 {
+        return Lobed(near, 0.0, 0.0);
+    }
+    let seen = away * vec3<f32>(detail_seen(pixel, LOBE_M), detail_seen(pixel, TUFT_M), detail_seen(pixel, SPRAY_M));
+    let lobe = lobe_at(world / LOBE_M, 97u);
+    var light = mix(1.0, (0.78 + 0.44 * lobe.height) * (0.86 + 0.28 * lobe.tone), seen.x);
+    var round = lobe.out * (1.5 * seen.x);
+    var height = 0.5 + 0.5 * lobe.height;
+    if outline.y > 0.0 {
+        let tuft = lobe_at((world + 0.5 * lobe.out) / TUFT_M, 101u);
+        light *= mix(1.0, (0.74 + 0.52 * tuft.height) * (0.82 + 0.36 * tuft.tone), seen.y);
+        round += tuft.out * (1.3 * seen.y);
+        height *= mix(0.85, 0.45 + 0.75 * tuft.height, outline.y);
+        if outline.z > 0.0 {
+            let spray = lobe_at((world + 0.3 * tuft.out) / SPRAY_M, 103u);
+            light *= mix(1.0, (0.74 + 0.52 * spray.height) * (0.78 + 0.44 * spray.tone), seen.z);
+            round += spray.out * (1.1 * seen.z);
+            height *= mix(1.0, 0.6 + 0.6 * spray.height, outline.z);
+        }
+    }
+    let turned = normalize(near.normal + round + vec3<f32>(0.0, 0.0, 0.15 * seen.x));
+    return Lobed(Foliage(near.albedo * light, turned, near.height), height, outline.x);
 }
 
 // Width of a tree of a far wood, and distances between which its trees are told apart by light alone, metres.
@@ -164,8 +232,7 @@ const TREE_M: f32 = 6.5;
 const WOOD_M: vec2<f32> = vec2<f32>(90.0, 180.0);
 
 // Trees of a far wood, whose mesh is one canopy: each has a round top and a tone of its own.
-fn far_wood(leafy: Foliage, world: vec3<f32>, pixel: vec2<f32>) -> Foliage {
-    let near = lobed(leafy, world, pixel);
+fn far_wood(near: Foliage, world: vec3<f32>, pixel: vec2<f32>) -> Foliage {
     let away = smoothstep(WOOD_M.x, WOOD_M.y, length(world - view.eye.xyz)) * detail_seen(pixel, TREE_M);
     if away <= 0.0 {
         return near;

@@ -51,9 +51,11 @@ const REPEATS: f32 = 3.0;
 const ROUGH: f32 = 0.16;
 /// Brightness of a hull, which has no dark gaps, and the contrast between clumps on it.
 const HULL_TONE: f32 = 1.02;
-const HULL_CONTRAST: f32 = 2.4;
+const HULL_CONTRAST: f32 = 1.6;
 /// Largest tilt of hull normals, per face around it: hulls have few, large faces.
-const HULL_LEAN: f32 = 0.13;
+const HULL_LEAN: f32 = 0.05;
+/// Latitudes of a hull of three rings of three faces, as sines: its top and bottom are blunt.
+const BLUNT: [f32; 4] = [-1.0, -0.57, 0.57, 1.0];
 /// How often a face is cut into four parts to find out whether other clumps cover it.
 const CUTS: u32 = 4;
 /// Light inside a crown and at its bottom.
@@ -213,7 +215,10 @@ impl Crown {
         let (middle, half) = self.bulk();
         let base = mesh.vertices.len() as u32;
         for ring in 0..=rings {
-            let (sin_up, cos_up) = (PI * (ring as f32 / rings as f32 - 0.5)).sin_cos();
+            let (sin_up, cos_up) = match [around, rings] {
+                [3, 3] => (BLUNT[ring as usize], (1.0 - BLUNT[ring as usize].powi(2)).sqrt()),
+                _ => (PI * (ring as f32 / rings as f32 - 0.5)).sin_cos(),
+            };
             for k in 0..=around {
                 let turn = TAU * ((k % around) as f32 + 0.5 * (ring % 2) as f32) / around as f32;
                 let out = Vec3::new(turn.cos() * cos_up, turn.sin() * cos_up, sin_up);
@@ -286,7 +291,13 @@ pub(super) fn limb(mesh: &mut Mesh, joints: &[(Vec3, f32)], sides: u32, finish: 
         for k in 0..sides {
             let c = base + (row - 1) * (sides + 1) + k;
             let d = c + sides + 1;
-            mesh.indices.extend([c, c + 1, d + 1, c, d + 1, d]);
+            let [is_from_point, is_to_point] = [row - 1, row].map(|row| joints[row as usize].1 == 0.0);
+            if !is_from_point {
+                mesh.indices.extend([c, c + 1, d + 1]);
+            }
+            if !is_to_point {
+                mesh.indices.extend([c, d + 1, d]);
+            }
         }
     }
 }

@@ -77,7 +77,7 @@ const COARSER: [(TreeDetail, f32); 6] = [
     (TreeDetail::Hull([8, 5], 3), 0.17),
     (TreeDetail::Hull([7, 3], 3), 0.20),
     (TreeDetail::Hull([5, 3], 3), 0.26),
-    (TreeDetail::Hull([4, 2], 3), 0.54),
+    (TreeDetail::Hull([3, 3], 3), 0.54),
 ];
 
 /// Hulls bridge gaps between clumps and tiers, which silhouettes do not show: allowed excess over their
@@ -179,21 +179,54 @@ impl TreePrototypes {
         let tone = if detail.is_in_wood { WOOD_TONE } else { 1.0 };
         if detail.triangles <= TENT {
             let tinted = |finish: Finish| choice.tinted(finish).shaded(tone);
-            return add_tent(mesh, (&level.mesh, seed), city_from_tree, detail.stands_for_many, tinted);
+            return add_tent(mesh, (&level.mesh, seed), city_from_tree, detail, tinted);
         }
         let turn = Mat3::from(city_from_tree.matrix3).inverse().transpose();
         let base = mesh.vertices.len() as u32;
-        mesh.vertices.extend(level.mesh.vertices.iter().map(|v| Vertex {
-            position: city_from_tree.transform_point3(v.position),
+        let skirt = if detail.is_in_wood { Skirt::of(&level.mesh) } else { Skirt::default() };
+        mesh.vertices.extend(level.mesh.vertices.iter().zip(0..).map(|(v, k)| Vertex {
+            position: city_from_tree.transform_point3(skirt.lowered(v.position, k)),
             normal: (turn * v.normal).normalize_or(Vec3::Z),
             finish: choice.tinted(v.finish).shaded(tone),
             ..*v
         }));
         let is_drawn = |t: &&[u32]| {
-            !detail.is_in_wood || level.mesh.vertices[t[0] as usize].finish.surface != Surface::Wood
+            let is_trunk = level.mesh.vertices[t[0] as usize].finish.surface == Surface::Wood;
+            !(detail.is_in_wood && is_trunk || skirt.is_below(t))
         };
         let triangles = level.mesh.indices.chunks_exact(3).filter(is_drawn);
         mesh.indices.extend(triangles.flatten().map(|k| k + base));
+    }
+}
+
+/// The lower part of the coarsest hull of a crown, which reaches the ground in a wood, where nothing is seen of its underside.
+#[derive(Default)]
+struct Skirt {
+    low: f32,
+    /// Corners of its underside.
+    under: Vec<u32>,
+}
+
+impl Skirt {
+    /// Hulls of more triangles are seen from near by.
+    const MOST: usize = 16;
+
+    fn of(tree: &Mesh) -> Self {
+        let is_leaf = |k: u32| tree.vertices[k as usize].finish.surface == Surface::Leaves;
+        let height = |k: u32| tree.vertices[k as usize].position.z;
+        let leaves = tree.indices.iter().copied().filter(|k| is_leaf(*k));
+        let low = leaves.map(height).fold(f32::INFINITY, f32::min);
+        let is_lowest = |t: &&[u32]| t.iter().any(|k| is_leaf(*k) && height(*k) <= low);
+        let faces = tree.indices.chunks_exact(3).filter(|_| tree.triangle_count() <= Self::MOST);
+        Self { low, under: faces.filter(is_lowest).flatten().copied().collect() }
+    }
+
+    fn lowered(&self, position: Vec3, corner: u32) -> Vec3 {
+        if self.under.contains(&corner) { position.with_z(self.low) } else { position }
+    }
+
+    fn is_below(&self, triangle: &[u32]) -> bool {
+        triangle.iter().all(|k| self.under.contains(k))
     }
 }
 
@@ -225,7 +258,7 @@ impl Growth {
     }
 }
 
-/// Triangles of a tent, the least that stands for a tree.
+/// Trees of so few triangles are tents. One that stands alone has a foot besides.
 pub(super) const TENT: usize = 7;
 
 /// Sides of a conifer's tent, of another crown's, and of the canopy of a group of trees.
@@ -235,6 +268,8 @@ const CANOPY_SIDES: usize = 4;
 /// Radius of the top of a lump or a canopy as a share, and how much lower than the highest of its corners others are.
 const LUMP_TOP: f32 = 0.72;
 const LUMP_UNEVEN: f32 = 0.34;
+/// Of the height of a crown alone, where its lump is widest.
+const LUMP_WAIST: f32 = 0.36;
 
 /// Adds a tent as wide and high as a tree: a cone for a conifer, a lump for another crown, a broader one for the canopy of many
 /// trees. Far away a crown is a few pixels.
@@ -242,7 +277,7 @@ fn add_tent(
     mesh: &mut Mesh,
     (tree, seed): (&Mesh, u32),
     city_from_tree: &Affine3A,
-    is_canopy: bool,
+    detail: CountryTreeDetail,
     tinted: impl Fn(Finish) -> Finish,
 ) {
     let leaves = || tree.vertices.iter().filter(|v| v.finish.surface != Surface::Wood);
@@ -260,6 +295,7 @@ fn add_tent(
             ..*leaf
         })
     };
+    let is_canopy = detail.stands_for_many;
     let is_cone = leaf.finish.surface == Surface::Needles && !is_canopy;
     let sides = match (is_canopy, is_cone) {
         (true, _) => CANOPY_SIDES,
@@ -267,8 +303,12 @@ fn add_tent(
         (false, false) => LUMP_SIDES,
     };
     let at = |turn: f32| Vec2::from_angle(TAU * turn / sides as f32);
-    let rim: Vec<u32> =
-        (0..sides).map(|k| corner((radius * at(k as f32)).extend(low), at(k as f32).extend(0.35))).collect();
+    // What stands alone tapers to its foot: a crown without a trunk would float.
+    let has_foot = !(detail.is_in_wood || is_cone);
+    let waist = if has_foot { low + LUMP_WAIST * (high - low) } else { low };
+    let rim: Vec<u32> = (0..sides)
+        .map(|k| corner((radius * at(k as f32)).extend(waist), at(k as f32).extend(0.35)))
+        .collect();
     if is_cone {
         let top = corner(Vec3::new(0.0, 0.0, high), Vec3::Z);
         (0..sides).for_each(|k| mesh.indices.extend([top, rim[k], rim[(k + 1) % sides]]));
@@ -283,11 +323,15 @@ fn add_tent(
             corner(place, across.extend(1.3))
         })
         .collect();
+    let foot = has_foot.then(|| corner(Vec3::ZERO, -Vec3::Z));
     for k in 0..sides {
         let next = (k + 1) % sides;
         mesh.indices.extend([rim[k], rim[next], top[k], rim[next], top[next], top[k]]);
     }
     (2..sides).for_each(|k| mesh.indices.extend([top[0], top[k - 1], top[k]]));
+    if let Some(foot) = foot {
+        (0..sides).for_each(|k| mesh.indices.extend([foot, rim[(k + 1) % sides], rim[k]]));
+    }
 }
 
 /// How a tree of the country is drawn: at the finest level with at most so many triangles, or as a tent.
@@ -392,7 +436,9 @@ fn grow(mesh: &mut Mesh, kind: TreeKind, variant: u32, detail: TreeDetail) {
         }
         TreeDetail::Hull(faces, sides) => {
             let top = Vec3::Z * (tree.clear + 0.3) + tree.bend();
-            limb(mesh, &[(Vec3::ZERO, tree.girth), (top, tree.girth * 0.6)], sides, tree.bark());
+            // Of the coarser ones the trunk is a spike, whose tip is within the crown.
+            let (tip, end) = if faces[0] > 5 { (top, 0.6 * tree.girth) } else { (2.2 * top, 0.0) };
+            limb(mesh, &[(Vec3::ZERO, tree.girth), (tip, end)], sides, tree.bark());
             crown.hull(mesh, faces, usual().bounds());
         }
     }
