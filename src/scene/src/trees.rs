@@ -199,7 +199,7 @@ impl TreePrototypes {
     }
 }
 
-/// The lower part of the coarsest hull of a crown, which reaches the ground in a wood, where nothing is seen of its underside.
+/// The lower part of a coarse hull of a crown, which reaches the ground in a wood, where nothing is seen of its underside.
 #[derive(Default)]
 struct Skirt {
     low: f32,
@@ -209,7 +209,7 @@ struct Skirt {
 
 impl Skirt {
     /// Hulls of more triangles are seen from near by.
-    const MOST: usize = 16;
+    const MOST: usize = 34;
 
     fn of(tree: &Mesh) -> Self {
         let is_leaf = |k: u32| tree.vertices[k as usize].finish.surface == Surface::Leaves;
