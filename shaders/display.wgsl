@@ -59,9 +59,26 @@ fn blurred_visibility(place: TilePixel) -> vec2<f32> {
     return vec2<f32>(sum.x, sun) / max(sum.y, 1e-4);
 }
 
-// Reflections around a pixel: a ray hits or misses, so that their outlines have steps.
+// Largest reflectance of the samples of a pixel.
+fn largest_reflectance(texel: vec2<i32>) -> f32 {
+    var largest = 0.0;
+    for (var k = 0u; k < sample_count(); k++) {
+        largest = max(largest, mirror_at(texel, k).a);
+    }
+    return largest;
+}
+
+// Reflections around a pixel: a ray hits or misses, so that their outlines have steps. Where the first sample of it mirrors
+// nothing, as that of a leaf before a wet road, its other samples have what their surface mirrors beside it.
 fn smoothed_reflection(place: TilePixel) -> vec4<f32> {
-    let here = textureLoad(reflection_map, place.origin + place.pixel, 0);
+    let texel = place.origin + place.pixel;
+    var here = textureLoad(reflection_map, texel, 0);
+    if here.a <= 0.0 {
+        here.a = largest_reflectance(texel);
+        if here.a <= 0.0 {
+            return here;
+        }
+    }
     var sum = vec4<f32>(0.0);
     for (var k = 0; k < 25; k++) {
         let off = vec2<i32>(k % 5, k / 5) - 2;

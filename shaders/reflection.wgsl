@@ -21,6 +21,8 @@ const PASSED: f32 = 0.4;
 const UNDER_M: f32 = 1.6;
 const UNDER_BEHIND_M: f32 = 5.0;
 const UNDER_DARK: f32 = 0.85;
+// Pavements and roads are no higher, metres; what mirrors there lies flat.
+const GROUND_M: f32 = 0.3;
 // Weaker reflections are not seen.
 const LEAST: f32 = 0.004;
 
@@ -70,12 +72,16 @@ struct Meeting {
     share: f32,
     // Whether it is soon under or inside of something.
     is_under: bool,
+    // Whether it met the surface where something before it hides both, as the leaves of a crown: the first of it that is seen again.
+    is_hidden: bool,
 }
 
 // `climb` is the depth that a metre of the ray covers.
 fn meets(place: TilePixel, ray: Ray, climb: f32) -> Meeting {
     let shift = step_shift(place.pixel);
     var before = 0.0;
+    // Last share of it at which nothing hid it.
+    var free = 0.0;
     var is_under = false;
     for (var k = 1u; k <= reflection_steps; k++) {
         // Short steps at first: what is near is mirrored in detail.
@@ -96,14 +102,22 @@ fn meets(place: TilePixel, ray: Ray, climb: f32) -> Meeting {
                 }
             }
             if is_surface(behind(place, ray, high), depth_on(ray, high)) {
-                return Meeting(high, is_under);
+                return Meeting(high, is_under, false);
             }
+        }
+        // What it was before of when it was hidden, and is behind of now, it has met meanwhile.
+        let hidden = depth_on(ray, share) - depth_on(ray, free);
+        if free < before && excess > 0.0 && excess < hidden {
+            return Meeting(share, is_under, true);
+        }
+        if excess <= 0.0 {
+            free = share;
         }
         is_under = is_under
             || (excess > 0.0 && excess < UNDER_BEHIND_M && metres_on(ray, share, climb) < UNDER_M);
         before = share;
     }
-    return Meeting(-1.0, is_under);
+    return Meeting(-1.0, is_under, false);
 }
 
 fn mean_radiance(place: TilePixel, pixel: vec2<i32>) -> vec3<f32> {
@@ -114,6 +128,15 @@ fn mean_radiance(place: TilePixel, pixel: vec2<i32>) -> vec3<f32> {
         sum += min(radiance_at(texel, k).rgb, vec3<f32>(40.0));
     }
     return sum / f32(count);
+}
+
+// Unit normal of what mirrors. That of the ground is known: through the leaves of a crown too little of it is seen to tell.
+fn mirroring_normal(place: TilePixel, here: SurfacePoint) -> vec3<f32> {
+    let up = normalize((view.camera_from_clip * view.clip_from_world[2]).xyz);
+    if view.eye.z + dot(up, here.position) < GROUND_M {
+        return up;
+    }
+    return normal_at(place, here);
 }
 
 // What is added to the radiance of a pixel; alpha: reflectance of its first sample.
@@ -127,7 +150,7 @@ fn fragment_main(in: Tile) -> @location(0) vec4<f32> {
     if mirror.a < LEAST || here.depth <= 0.0 || is_behind_glass {
         return vec4<f32>(0.0);
     }
-    let normal = normal_at(place, here);
+    let normal = mirroring_normal(place, here);
     let direction = reflect(normalize(here.position), normal);
     // Off the surface, by more where a pixel spans more.
     let start = here.position + normal * (0.02 + 0.002 * here.position.z);
@@ -164,7 +187,7 @@ fn fragment_main(in: Tile) -> @location(0) vec4<f32> {
     let metres = abs(depth - start.z) / climb;
     let ending = 1.0 - smoothstep(1.0 - END, 1.0, metres / REACH_M);
     let excess = behind(place, cut, share) / (THICKNESS_M + THICKNESS_PER_M * depth);
-    let passed = 1.0 - smoothstep(1.0 - PASSED, 1.0, excess);
+    let passed = select(1.0 - smoothstep(1.0 - PASSED, 1.0, excess), 1.0, met.is_hidden);
     let fade = inside.x * inside.y * forward * ending * passed;
     let seen = mean_radiance(place, found);
     return vec4<f32>(fade * (mirror.a * seen - mirror.rgb), mirror.a);
