@@ -96,8 +96,9 @@ fn beam_vertex(in: Vehicle) -> Spot {
 fn beam(at: vec2<f32>) -> f32 {
     let slope = at.y / (max(at.x, 0.01) + 1.5);
     let aside = slope * slope;
-    let cone = 0.30 * exp(-aside * 6.0) + 0.70 * exp(-aside * 30.0);
-    let fall = 1.0 / (1.0 + at.x * at.x / 110.0);
+    let cone = 0.26 * exp(-aside * 6.0) + 0.74 * exp(-aside * 30.0);
+    // The pattern of the lens makes up for distance: it sends little to the road close by.
+    let fall = 0.22 / (1.0 + at.x * at.x / 900.0);
     let cut_off_m = mix(25.0, 39.0, smoothstep(-0.05, 0.14, -slope));
     return cone * fall * smoothstep(0.2, 3.2, at.x) * (1.0 - smoothstep(0.6 * cut_off_m, cut_off_m, at.x));
 }
