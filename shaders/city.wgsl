@@ -274,7 +274,7 @@ fn crown_pixel(in: Fragment) -> vec4<f32> {
     let cover = min(ragged, mix(1.0, clamp((lobes.height - brink) * 5.0 + 0.5, 0.0, 1.0), lobes.seen));
     let leaf = PbrMaterial(crown.albedo * in.colour.rgb, in.colour.a, texel.a, 0.0, LEAF_TRANSLUCENCE, 0.0);
     let seen = hdr_pixel(shade(leaf, in.world, crown.normal, to_eye), vec3<f32>(0.0), from_eye);
-    return vec4<f32>(seen.radiance.rgb, cover);
+    return vec4<f32>(seen.radiance.rgb, cover * inside_cover(in.uv, distance));
 }
 
 // A spray of leaves near the camera: its leaves cover, what is between them does not.

@@ -69,11 +69,12 @@ fn part_main(@location(0) position: vec3<f32>, @location(3) uv: vec2<f32>, @loca
     return PartFragment(whole.clip, whole.depth, whole.labels, uv);
 }
 
-// What is between the leaves of a spray is not there.
+// What is between the leaves of a spray is not there, nor what is inside of a crown that the camera is in.
 @fragment
 fn leaf_fragment(in: PartFragment) -> Pixel {
     let pixel = pixel_in_sprays(dpdx(in.uv), dpdy(in.uv));
-    if is_spray(in.uv) && spray_leaf(in.uv, pixel).cover < 0.5 {
+    let is_gap = is_spray(in.uv) && spray_leaf(in.uv, pixel).cover < 0.5;
+    if is_gap || inside_cover(in.uv, in.depth) < 0.5 {
         discard;
     }
     return Pixel(in.depth, in.labels);

@@ -27,6 +27,16 @@ struct SprayLeaf {
     cover: f32,
 }
 
+// What is dark inside of a crown near the camera, by its texture coordinates, as in trees/near.rs; a camera so near to it, in
+// metres, is in the crown, where it sees leaves alone.
+const INSIDE_UV: f32 = 1024.0;
+const IN_CROWN_M: vec2<f32> = vec2<f32>(3.5, 5.0);
+
+// How much of what is dark inside of a crown is seen from a distance, metres.
+fn inside_cover(uv: vec2<f32>, distance: f32) -> f32 {
+    return select(1.0, smoothstep(IN_CROWN_M.x, IN_CROWN_M.y, distance), uv.x < -0.5 * INSIDE_UV);
+}
+
 fn is_spray(uv: vec2<f32>) -> bool {
     return uv.x > SPRAY_UV - 1.0;
 }

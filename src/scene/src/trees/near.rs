@@ -18,6 +18,9 @@ const SPRAY_WIDE: f32 = 0.86;
 const COVER: f32 = 1.29;
 /// Texture coordinates from which on a leaf is on a spray, which has one cell of them, as in `sprays.wgsl`; and cells to a side.
 pub(super) const SPRAY_UV: f32 = 1024.0;
+/// What is dark inside has texture coordinates less by this, which is whole, so that a camera in a crown is told of it; as in
+/// sprays.wgsl.
+const INSIDE_UV: f32 = 1024.0;
 const SPRAY_CELLS: f32 = 64.0;
 /// How much of its cell a spray takes, so that its corners are in no other one.
 const INSIDE_CELL: f32 = 0.98;
@@ -66,7 +69,7 @@ fn inside(mesh: &mut Mesh, crown: &Crown) {
         let slot = *slots[k as usize].get_or_insert_with(|| {
             let vertex = drawn.vertices[k as usize];
             let openness = (f32::from(vertex.openness) * INSIDE_OPEN) as u8;
-            mesh.vertex(Vertex { openness, ..vertex })
+            mesh.vertex(Vertex { openness, uv: vertex.uv - Vec2::X * INSIDE_UV, ..vertex })
         });
         mesh.indices.push(slot);
     }
