@@ -505,17 +505,34 @@ fn bed(builder: &mut PrimitiveBuilder, shape: &CarShape) {
     const WALL_M: f32 = 0.07;
     let (front, rear) = (shape.cabin.stations[0] + 0.04, -LENGTH_M / 2.0 + 0.10);
     let (high, low) = (shape.shoulder_at(-1.6) - 0.005, 0.72);
-    let outer = shape.half_at(-1.6) * profile(&ROWS, 1.0) + 0.01;
-    let inner = outer - WALL_M;
+    let outer = |x: f32| shape.half_at(x) * profile(&ROWS, 1.0) + 0.005;
+    let inner = outer(rear) - WALL_M;
     let inside = [(rear + WALL_M, -inner), (rear + WALL_M, inner), (front, inner), (front, -inner)];
-    let outside = [(rear - 0.08, -outer), (rear - 0.08, outer), (front, outer), (front, -outer)];
     let at = |p: (f32, f32), z: f32| Vec3::new(p.0, p.1, z);
     for k in 0..4 {
-        let next = (k + 1) % 4;
-        let (a, b) = (inside[k], inside[next]);
+        let (a, b) = (inside[k], inside[(k + 1) % 4]);
         builder.plate(&[at(b, high), at(a, high), at(a, low), at(b, low)], PLASTIC, 150);
-        builder.plate(&[at(outside[next], high), at(outside[k], high), at(a, high), at(b, high)], PAINT, 250);
     }
+    // The rim follows the body, which is narrower at its rear.
+    let along = [front, -1.6, -2.1, rear + WALL_M];
+    for (&ahead, &behind) in along.iter().zip(&along[1..]) {
+        for side in [-1.0, 1.0] {
+            let corners = [
+                (ahead, side * inner),
+                (behind, side * inner),
+                (behind, side * outer(behind)),
+                (ahead, side * outer(ahead)),
+            ];
+            let mut rim = corners.map(|corner| at(corner, high));
+            if side > 0.0 {
+                rim.reverse();
+            }
+            builder.plate(&rim, PAINT, 250);
+        }
+    }
+    let (edge, end) = (rear + WALL_M, rear - 0.06);
+    let gate = [(edge, -outer(edge)), (edge, outer(edge)), (end, outer(end)), (end, -outer(end))];
+    builder.plate(&gate.map(|corner| at(corner, high)), PAINT, 250);
     let floor = [3, 2, 1, 0].map(|k| at(inside[k], low));
     builder.plate(&floor, PLASTIC, 110);
 }
