@@ -43,6 +43,9 @@ pub enum MeasuresError {
 pub struct RunMeasures {
     /// Name of the scenario.
     pub scenario: String,
+    /// SHA-256 of the scenario's text; empty in a summary of an earlier version, which does not say.
+    #[serde(default)]
+    pub scenario_digest: String,
     /// Seed of the random draws.
     pub seed: u64,
     /// Environment between control framework and vehicles; empty in a summary of an earlier version, which does not say.
@@ -195,6 +198,7 @@ impl RunMeasures {
         let (trips, safety) = (&summary.traffic.trips, &summary.traffic.safety);
         Self {
             scenario: summary.scenario.clone(),
+            scenario_digest: summary.scenario_digest.clone(),
             seed: summary.seed,
             environment: summary.environment.to_owned(),
             ideal_but_for_lab: summary.ideal_but_for_lab,

@@ -72,6 +72,8 @@ pub struct ArrivalSummary {
 pub struct Summary {
     /// Name of the experiment, from its scenario.
     pub scenario: String,
+    /// SHA-256 of the scenario's text, hexadecimal: of equal texts the experiments differ by what was set otherwise alone.
+    pub scenario_digest: String,
     /// Seed of the traffic and the environment.
     pub seed: u64,
     /// Environment between control framework and vehicles: `ideal`, `testbed`, or `own` for a scenario's own values.
@@ -261,6 +263,7 @@ impl Summary {
         };
         Self {
             scenario: experiment.name.clone(),
+            scenario_digest: experiment.text_digest(),
             seed: experiment.seed,
             environment: experiment.environment_name(),
             ideal_but_for_lab: experiment.is_ideal_but_for_lab(),

@@ -19,6 +19,7 @@ use city3d_protocol::snapshot::{Appearance, Dimensions, Setup, VehicleId};
 use city3d_roadmap::{CityMap, LabMap, LaneId};
 use city3d_sensors::{Sensor, Weather};
 use city3d_workers::Workers;
+use sha2::{Digest, Sha256};
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
@@ -268,6 +269,11 @@ impl Experiment {
     /// Whether a vehicle of this id and name is an arrival of an inflow.
     pub fn is_arrival(&self, id: VehicleId, name: &str) -> bool {
         self.arrival(id).is_some_and(|arrival| arrival.vehicle.name == name)
+    }
+
+    /// SHA-256 of the scenario's text, in hexadecimal digits.
+    pub fn text_digest(&self) -> String {
+        Sha256::digest(self.scenario_text.as_bytes()).iter().map(|byte| format!("{byte:02x}")).collect()
     }
 
     /// Name of the environment between the control framework and the simulated vehicles: that of its profile, or `own` where

@@ -372,8 +372,11 @@ pub(super) fn differences(
     decimal: DecimalSeparator,
 ) -> Option<String> {
     let mut words = Vec::new();
+    let [a, b] = [present, other].map(|run| run.scenario_digest.as_str());
     if present.scenario != other.scenario {
         words.push("The two are runs of different scenarios.".to_owned());
+    } else if a != b && !a.is_empty() && !b.is_empty() {
+        words.push("The scenario was changed between the two: its text differs.".to_owned());
     }
     let runs = [present, other];
     let mut differ = Vec::new();

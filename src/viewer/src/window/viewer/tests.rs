@@ -168,8 +168,13 @@ fn two_runs_are_told_apart_by_all_that_is_known_to_differ() {
     assert_eq!(told(&first, &longer).as_deref(), Some(expected));
     assert_eq!(first.over_common_time(&longer).map(|of| of.simulated_s), [30.0, 30.0]);
     assert_eq!(longer.over_common_time(&longer).map(|of| of.simulated_s), [45.5, 45.5]);
-    // A summary of an earlier version does not say its environment.
+    // A summary of an earlier version does not say its environment, nor which text its scenario had.
     assert_eq!(told(&first, &run(1, "", 30.0, false)), None);
+    let of_text =
+        |digest: &str| RunMeasures { scenario_digest: digest.to_owned(), ..run(1, "ideal", 30.0, false) };
+    assert_eq!([&first, &of_text("a")].map(|other| told(&of_text("a"), other)), [None, None]);
+    let expected = "The scenario was changed between the two: its text differs.";
+    assert_eq!(told(&of_text("a"), &of_text("b")).as_deref(), Some(expected));
 }
 
 #[test]
