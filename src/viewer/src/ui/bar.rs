@@ -64,8 +64,7 @@ fn replayed(
     open_button(ui, state);
     let again = ui.add_enabled(shown.runs.may_run_again, egui::Button::new("Run again"));
     let again = again.on_hover_text("Simulate its scenario again, with the same seed");
-    let unknown =
-        "Its scenario is neither a shipped one nor among the recent files: open its file, and run it";
+    let unknown = "Its scenario is no shipped one, and no recent file has it as it was then";
     if again.on_disabled_hover_text(unknown).clicked() {
         actions.push(UiAction::RunAgain(RunAgain::default()));
     }

@@ -299,21 +299,29 @@ fn vehicles(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>) {
         state.charts.vehicles.extend(selected);
     }
     match selected {
-        Some(id) => _ = ui.label(RichText::new(format!("selected: {}", name(id))).weak()),
+        Some(id) => whole(ui, &format!("selected: {}", name(id)), "It is in the chart while it is selected"),
         None if state.charts.kind == ChartKind::Way => {
             let kept = if state.charts.vehicles.is_empty() { "" } else { " kept" };
             let tip = "Select a vehicle to see the way of that";
-            ui.weak(format!("way of the first{kept} vehicle")).on_hover_text(tip);
+            whole(ui, &format!("way of the first{kept} vehicle"), tip);
         }
         None if state.charts.vehicles.is_empty() && state.charts.kind.is_of_paths() => {
-            ui.weak("all on the paths").on_hover_text("Select a vehicle to keep it alone");
+            whole(ui, "all on the paths", "Select a vehicle to keep it alone");
         }
         None if state.charts.vehicles.is_empty() => {
             let tip = "Select a vehicle in the table or in the city to see it alone";
-            ui.weak(format!("first {MOST_VEHICLES} vehicles")).on_hover_text(tip);
+            let all = shown.run_state.now.vehicles.len() <= MOST_VEHICLES;
+            let text =
+                if all { "all vehicles".to_owned() } else { format!("first {MOST_VEHICLES} vehicles") };
+            whole(ui, &text, tip);
         }
         None => {}
     }
+}
+
+/// Words that begin a row where they do not fit whole.
+fn whole(ui: &mut Ui, text: &str, tip: &str) {
+    ui.add(egui::Label::new(RichText::new(text).weak()).extend()).on_hover_text(tip);
 }
 
 /// Least height of a plot with its axis, points.

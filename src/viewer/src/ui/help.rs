@@ -82,7 +82,14 @@ pub fn reminder(keys: &KeyMap, shown: &ViewModel<'_>) -> String {
         CityKind::Local | CityKind::Served => true,
     };
     let click = || Some("click a car to select".to_owned());
-    let mut parts = if shown.replay.is_some() {
+    let mut parts = if shown.edit.is_some() {
+        vec![
+            click(),
+            with(of(&commands::ADD_VEHICLE), "add a vehicle"),
+            with(of(&commands::RUN_EDITED), "save and run"),
+            with(of(&commands::EDIT), "back to the run"),
+        ]
+    } else if shown.replay.is_some() {
         vec![
             with(of(&commands::PLAY_OR_PAUSE), "play/pause"),
             with(time.join(" "), "5 s"),

@@ -311,7 +311,7 @@ fn placed_labels(canvas: &Canvas<'_>, state: &UiState, shown: &ViewModel<'_>) ->
         shown.interpolated.iter().filter_map(|seen| label(canvas, state, shown, seen)).collect();
     let first = |label: &Label| (label.is_selected, label.status == Status::Collided);
     labels.sort_by(|a, b| first(b).cmp(&first(a)).then(a.depth.total_cmp(&b.depth)));
-    let map = state.layers.map.then(|| super::map::place(canvas.rect)).flatten();
+    let map = state.layers.map.then(|| super::map::covered(canvas.rect));
     let mut placed: Vec<PlacedLabel> = Vec::new();
     for label in labels {
         let font = FontId::proportional(if label.is_selected { 13.0 } else { 11.0 });

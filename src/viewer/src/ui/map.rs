@@ -39,6 +39,13 @@ pub(super) fn place(rect: Rect) -> Option<Rect> {
     Some(Rect::from_min_size(rect.right_top() + Vec2::new(-side - MARGIN, MARGIN), Vec2::splat(side)))
 }
 
+/// What the map, or the words that there is no room for it, covers of a view.
+pub(super) fn covered(rect: Rect) -> Rect {
+    const WORDS: Vec2 = Vec2::new(130.0, 26.0);
+    let corner = Rect::from_min_size(rect.right_top() - Vec2::new(WORDS.x, 0.0), WORDS);
+    place(rect).unwrap_or(corner)
+}
+
 /// Says in its corner that there is no room for the map, and what makes room.
 fn no_room(ui: &Ui, rect: Rect, state: &UiState) {
     let painter = ui.painter_at(rect);

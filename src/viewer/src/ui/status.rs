@@ -181,7 +181,9 @@ pub fn meaning(status: Status) -> &'static str {
         Status::Yielding => {
             "Gives way at a yield line, or to a vehicle with the right of way, and has been held by that for 0.4 s on end"
         }
-        Status::Stopped => "Stopped: behind others, at a line, or where a person left it off the lanes",
+        Status::Stopped => {
+            "Stands behind others, at a line, where it is parked, or where a person left it off the lanes"
+        }
         Status::Manual => "A person drives",
         Status::LinkLost => "No command for longer than the link timeout: it brakes to a stop on its path",
         Status::Collided => {

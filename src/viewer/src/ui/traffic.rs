@@ -180,7 +180,7 @@ fn is_narrow(ui: &Ui) -> bool {
 /// What measures are that the card of a finished run has, too.
 pub(super) const FLOW: &str = "Exits after the first one over the time since it, vehicles an hour; none of fewer than two after the warm-up";
 pub(super) const DELAY: &str = "Mean time lost against driving alone, with the time held outside: of all that have set out, also those that are on their way or have collided; in a control zone of complete passages alone";
-pub(super) const MEAN_SPEED: &str = "Distance over the time in the city, mean over the vehicles: one that has arrived and stays there slows it, the longer the run goes on";
+pub(super) const MEAN_SPEED: &str = "Distance over the time in the city, mean over the vehicles but parked ones: one that has arrived and stays there slows it, the longer the run goes on";
 pub(super) const LONGEST_STAND: &str = "Of any vehicle on its way, as the events tell it: from below 0.1 m/s until it was faster than 0.4 m/s and went away. Who has arrived, or has collided, does not count";
 pub(super) const SLOW_STOPS: &str = "Slow stops (< 0.5 m/s)";
 pub(super) const STOPS: &str = "How often vehicles on their routes became slower than 0.5 m/s, also where these end; in a control zone on complete passages alone. Whoever has left its route, as a person may, does not count from then on, nor do its earlier stops; one that has collided does not come to stand. Events \"standstill\" are those below 0.1 m/s, of everybody";

@@ -6,10 +6,8 @@ use super::hover;
 use super::labels::{self, LabelRoom};
 use city3d_geometry::trig;
 use city3d_logbook::figures::chart::{Colour, Dash, Figure, LineName, Panel, ReferenceLine};
-use egui::{Align2, Color32, RichText, Ui};
-use egui_plot::{
-    AxisHints, GridMark, HLine, Line, LineStyle, Plot, PlotPoint, PlotPoints, Points, Text, VLine,
-};
+use egui::{Align2, Color32, FontId, Painter, Pos2, RichText, Ui};
+use egui_plot::{AxisHints, GridMark, HLine, Line, LineStyle, Plot, PlotPoint, PlotPoints, Points, VLine};
 
 /// What the horizontal axis of a figure is.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -65,7 +63,7 @@ pub(super) fn show(
         .allow_drag(false)
         .allow_zoom(false)
         .allow_boxed_zoom(false);
-    let (grey, text) = (Color32::from_gray(130), ui.visuals().text_color());
+    let grey = Color32::from_gray(130);
     let mut room = LabelRoom::new(x, panel.y, size);
     for line in &panel.lines {
         for piece in pieces(&line.points) {
@@ -77,6 +75,7 @@ pub(super) fn show(
     }
     let per_point = (panel.y.1 - panel.y.0) / f64::from(size.y);
     let level_names = level_names(panel, f64::from(theme::SMALL) * LINE * per_point);
+    let mut words = Vec::new();
     let shown = plot.show(ui, |plot| {
         plot.set_plot_bounds(egui_plot::PlotBounds::from_min_max([x.0, panel.y.0], [x.1, panel.y.1]));
         for rule in &panel.rules {
@@ -92,17 +91,13 @@ pub(super) fn show(
             let at = PlotPoint::new(rule.at, panel.y.1);
             let anchor = if rule.is_before { Align2::RIGHT_TOP } else { Align2::LEFT_TOP };
             if let Some(lower) = room.place_below(&names, (rule.name.as_str(), at), anchor) {
-                let words = RichText::new(&rule.name).size(theme::SMALL);
-                let at = PlotPoint::new(at.x, at.y - lower);
-                plot.text(Text::new("", at, words).anchor(anchor).color(text));
+                words.push((PlotPoint::new(at.x, at.y - lower), anchor, rule.name.as_str()));
             }
         }
         for (at, name) in &level_names {
             let at = PlotPoint::new(x.0, *at);
-            if let Some(anchor) = room.place(&names, (name, at), &[Align2::LEFT_BOTTOM, Align2::LEFT_TOP]) {
-                let words = RichText::new(name).size(theme::SMALL);
-                plot.text(Text::new("", at, words).anchor(anchor).color(text));
-            }
+            let anchor = room.place(&names, (name, at), &[Align2::LEFT_BOTTOM, Align2::LEFT_TOP]);
+            words.extend(anchor.map(|anchor| (at, anchor, name.as_str())));
         }
         for (index, line) in panel.lines.iter().enumerate() {
             let key = figure.legend.iter().find(|key| key.stroke == line.stroke).map(|key| &key.name);
@@ -126,10 +121,8 @@ pub(super) fn show(
                 false => &[Align2::LEFT_BOTTOM, Align2::LEFT_TOP, Align2::RIGHT_BOTTOM, Align2::RIGHT_TOP],
             };
             let at = PlotPoint::new(end.at.0, end.at.1);
-            if let Some(anchor) = room.place(&names, (&end.name, at), anchors) {
-                let words = RichText::new(&end.name).size(theme::SMALL);
-                plot.text(Text::new("", at, words).anchor(anchor).color(text));
-            }
+            let anchor = room.place(&names, (&end.name, at), anchors);
+            words.extend(anchor.map(|anchor| (at, anchor, end.name.as_str())));
         }
         if let Some(at_s) = at_s {
             plot.vline(VLine::new("shown time", at_s).color(grey).width(1.0));
@@ -145,6 +138,10 @@ pub(super) fn show(
         }
         plot.response().clicked().then(|| plot.pointer_coordinate()).flatten()
     });
+    let painter = ui.painter_at(shown.response.rect);
+    for (at, anchor, name) in words {
+        paint_name(&painter, (shown.transform.position_from_point(&at), anchor), name);
+    }
     if across == Across::Anything {
         return None;
     }
@@ -202,6 +199,20 @@ fn level_names(panel: &Panel, least_apart: f64) -> Vec<(f64, String)> {
         }
     };
     groups.map(|group| (group[0].at, name(group))).collect()
+}
+
+/// Paints a name in a plot, on a ground that lines behind it do not strike it through.
+fn paint_name(painter: &Painter, (at, anchor): (Pos2, Align2), name: &str) {
+    let visuals = &painter.ctx().global_style().visuals;
+    let font = FontId::proportional(theme::SMALL);
+    let text = painter.layout_no_wrap(name.to_owned(), font, visuals.text_color());
+    let place = anchor.anchor_size(at, text.size());
+    painter.rect_filled(
+        place.shrink2(egui::vec2(0.0, 2.0)),
+        2.0,
+        visuals.extreme_bg_color.gamma_multiply(0.8),
+    );
+    painter.galley(place.min, text, visuals.text_color());
 }
 
 /// Lines that are wider on paper are wide on the screen too, points.

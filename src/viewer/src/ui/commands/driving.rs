@@ -12,10 +12,10 @@ registry!(
     })
     .known_as("drive steer manual by hand")
     .only(|state, shown| match (&state.driving, &shown.replay) {
-        (None, None) => with_selection(state, shown),
+        (None, None) if shown.edit.is_none() => with_selection(state, shown),
         _ => Availability::Never,
     })
-    .within(Scope::LIVE.and(Scope::EDITING)),
+    .within(Scope::LIVE),
     RELEASE = Command::always("Release the vehicle that you drive", &[key(Key::Enter)], |c| {
         c.actions.push(UiAction::GiveBack);
     })

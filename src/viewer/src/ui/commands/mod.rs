@@ -164,7 +164,7 @@ pub static SECTIONS: [Section; 10] = [
 
 pub use camera::{CAMERA_KEYS, MODES as CAMERA_MODES};
 pub use driving::{CONTROLLERS, DRIVING_KEYS, INDICATE_LEFT, INDICATE_RIGHT, RELEASE, REVERSE, TAKE_CONTROL};
-pub use editing::{EDIT, EDITING};
+pub use editing::{ADD as ADD_VEHICLE, EDIT, EDITING, RUN as RUN_EDITED};
 pub use files::{OPEN, RESULT};
 pub use look::{LARGER, SMALLER};
 pub use panels::{

@@ -95,7 +95,10 @@ impl Choice<'_> {
                 }
             }
         });
-        list.response.labelled_by(id).on_hover_text((self.meaning)(present));
+        let (list, meaning) = (list.response.labelled_by(id), (self.meaning)(present));
+        if !meaning.is_empty() {
+            list.on_hover_text(meaning);
+        }
         chosen
     }
 }

@@ -21,7 +21,7 @@ use std::collections::{BTreeMap, BTreeSet};
 pub struct Layout {
     tree: Tree<Panel>,
     floating: BTreeSet<Panel>,
-    /// Panels that the user has docked or lifted: whether others open over the city is up to the room there is.
+    /// Panels that the user has docked or lifted: whether the charts are over the city is up to the room there is, otherwise.
     chosen: BTreeSet<Panel>,
     /// Sizes that the user has given what is beside the city, by tile, points; the city takes the rest.
     points: BTreeMap<u64, f32>,
@@ -137,10 +137,7 @@ impl Layout {
         self.opening.clear();
         for PanelEntry { panel, is_open, home, .. } in &panels::ALL {
             let place = self.tree.tiles.find_pane(panel);
-            let was_open =
-                self.lifted.contains(panel) || place.is_some_and(|tile| self.tree.is_visible(tile));
-            let opens = is_open(state) && !was_open;
-            if opens && *home == Home::ChartsRow && !self.chosen.contains(panel) {
+            if *home == Home::ChartsRow && !self.chosen.contains(panel) {
                 // In a low room neither the city nor the plot would be more than a stripe.
                 self.set_floating(*panel, height < sizes::LOW_ROOM);
             }

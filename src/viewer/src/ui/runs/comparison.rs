@@ -261,7 +261,7 @@ fn tip_of(quantity: &str) -> Option<&'static str> {
         "slow stops" => Some(traffic::STOPS),
         "time standing, the start too" => Some(
             "All together, from below 0.5 m/s until above 1 m/s, of vehicles on their routes: from when they are there, before they have set off, \
-             until these end. One that has collided counts no longer",
+             until these end. One that has collided counts no longer, and a parked one never",
         ),
         "mean speed" => Some(traffic::MEAN_SPEED),
         "mean delay" => Some(traffic::DELAY),

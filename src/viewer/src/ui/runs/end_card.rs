@@ -28,6 +28,8 @@ const AROUND: f32 = 60.0;
 const WAITS: Duration = Duration::from_millis(250);
 /// Id of its window.
 const WINDOW: &str = "card of a run";
+/// Of what it holds, points: as wide as the column of the table.
+const WIDTH: f32 = 350.0;
 /// About its size, points.
 const SIZE: Vec2 = Vec2::new(366.0, 450.0);
 /// Vehicles that drive less have not moved.
@@ -115,12 +117,12 @@ pub(super) fn window(ui: &Ui, state: &mut UiState, shown: &ViewModel<'_>, action
     let title = if is_live { "Run finished" } else { "Recorded run" };
     // Folded to its title it is out of the way.
     let window = super::super::sheet(ui, title).id(egui::Id::unique(WINDOW));
-    let window = window.pivot(Align2::LEFT_TOP).collapsible(true).open(&mut is_open);
+    let window = window.pivot(Align2::LEFT_TOP).collapsible(true).default_width(WIDTH).open(&mut is_open);
     // A higher one would be moved up into the window before it shrinks to what it holds.
     // Where it hides nothing at first; the user may move it.
     let window = if let Some(place) = place { layout::moved_to(window, place) } else { window };
     window.show(ui.ctx(), |ui| {
-        ui.set_max_width(350.0);
+        ui.set_max_width(WIDTH);
         let room = ui.ctx().content_rect().height() - AROUND;
         egui::ScrollArea::vertical().id_salt(run_state.run).max_height(room).show(ui, |ui| {
         ui.label(format!(

@@ -30,7 +30,7 @@ impl StartPage {
 /// Width of the lists at the left, points.
 const LISTS: f32 = 300.0;
 /// Height of a card's text, and space between cards.
-const TEXT: f32 = 52.0;
+const TEXT: f32 = 67.0;
 const GAP: f32 = 10.0;
 /// Rows of recent files.
 const MOST_RECENT: usize = 6;
@@ -194,7 +194,7 @@ fn card(ui: &mut Ui, scenario: &ScenarioChoice) -> Response {
     );
     // Whoever points at the card, or has come to it by the keyboard, reads all of it, over its picture.
     let is_whole = response.hovered() || response.has_focus();
-    job.wrap.max_rows = if is_whole { usize::MAX } else { 2 };
+    job.wrap.max_rows = if is_whole { usize::MAX } else { 3 };
     let about = painter.layout_job(job);
     let below_title = title.left_bottom() + Vec2::new(0.0, 1.0);
     let top = below_title.y.min(rect.bottom() - about.size().y - 3.0);
