@@ -131,7 +131,8 @@ impl WayFigure<'_> {
                 vec![of_run.clone(), id, name, number(time_s, 3), number(m, 4)]
             }));
             let index = panel.lines.len();
-            let end = told.next_back().copied();
+            // The legend tells the others by their styles.
+            let end = told.next_back().copied().filter(|_| style.is_none());
             panel.names.extend(end.map(|at| LineName { at, name: name(trace), lines: index..index + 1 }));
             panel.lines.push(ChartLine { points, stroke });
             legend.extend(style.map(|_| LegendEntry { name: name(trace), stroke }));

@@ -301,9 +301,12 @@ fn vehicles(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>) {
     match selected {
         Some(id) => whole(ui, &format!("selected: {}", name(id)), "It is in the chart while it is selected"),
         None if state.charts.kind == ChartKind::Way => {
-            let kept = if state.charts.vehicles.is_empty() { "" } else { " kept" };
-            let tip = "Select a vehicle to see the way of that";
-            whole(ui, &format!("way of the first{kept} vehicle"), tip);
+            let text = match (state.selection.vehicle, state.charts.vehicles.first()) {
+                (Some(id), _) => format!("way of {}", name(id)),
+                (None, Some(kept)) => format!("way of {}, which is kept first", name(*kept)),
+                (None, None) => "way of the first vehicle".to_owned(),
+            };
+            whole(ui, &text, "The way of the selected vehicle, else of the one that is kept first");
         }
         None if state.charts.vehicles.is_empty() && state.charts.kind.is_of_paths() => {
             whole(ui, "all on the paths", "Select a vehicle to keep it alone");

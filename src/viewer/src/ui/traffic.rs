@@ -183,7 +183,7 @@ pub(super) const DELAY: &str = "Mean time lost against driving alone, with the t
 pub(super) const MEAN_SPEED: &str = "Distance over the time in the city, mean over the vehicles but parked ones: one that has arrived and stays there slows it, the longer the run goes on";
 pub(super) const LONGEST_STAND: &str = "Of any vehicle on its way, as the events tell it: from below 0.1 m/s until it was faster than 0.4 m/s and went away. Who has arrived, or has collided, does not count";
 pub(super) const SLOW_STOPS: &str = "Slow stops (< 0.5 m/s)";
-pub(super) const STOPS: &str = "How often vehicles on their routes became slower than 0.5 m/s, also where these end; in a control zone on complete passages alone. Whoever has left its route, as a person may, does not count from then on, nor do its earlier stops; one that has collided does not come to stand. Events \"standstill\" are those below 0.1 m/s, of everybody";
+pub(super) const STOPS: &str = "How often vehicles on their routes became slower than 0.5 m/s, also where these end: not before the warm-up of the scenario is over, and not anew before they have been faster than 1 m/s; in a control zone on complete passages alone. Whoever has left its route, as a person may, does not count from then on, nor do its earlier stops; one that has collided does not come to stand. Events \"standstill\" are those below 0.1 m/s, of everybody";
 
 const QUEUE: &str = "Vehicles on their way, also collided ones, that became slower than 0.5 m/s and have not been faster than 1 m/s since, and those that wait outside of the city for room";
 

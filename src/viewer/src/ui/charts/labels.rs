@@ -9,6 +9,8 @@ use egui_plot::PlotPoint;
 const APART: f32 = 2.0;
 /// Names at one point have an edge in common, points.
 const TOUCHES: f32 = 1.0;
+/// A name that hides more pieces of lines is left out.
+const MOST_CROSSED: usize = 4;
 /// How far down from its place a name may be, in lines.
 const MOST_LINES: u8 = 4;
 
@@ -46,6 +48,9 @@ impl LabelRoom {
         let rect = |anchor: Align2| anchor.anchor_size(point, size);
         let free = anchors.iter().copied().filter(|anchor| self.is_free(rect(*anchor)));
         let anchor = free.min_by_key(|anchor| self.trouble(rect(*anchor)))?;
+        if self.trouble(rect(anchor)).1 > MOST_CROSSED {
+            return None;
+        }
         self.taken.push(rect(anchor));
         Some(anchor)
     }

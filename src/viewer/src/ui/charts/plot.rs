@@ -8,6 +8,7 @@ use city3d_geometry::trig;
 use city3d_logbook::figures::chart::{Colour, Dash, Figure, LineName, Panel, ReferenceLine};
 use egui::{Align2, Color32, FontId, Painter, Pos2, RichText, Ui};
 use egui_plot::{AxisHints, GridMark, HLine, Line, LineStyle, Plot, PlotPoint, PlotPoints, Points, VLine};
+use std::borrow::Cow;
 
 /// What the horizontal axis of a figure is.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -44,6 +45,8 @@ pub(super) fn show(
     let near = hover::words_near([x_label, &panel.y_label], decimal);
     // Those over time are told for all lines at once, wherever the mouse is.
     let tells_all = across != Across::Anything && !figure.legend.is_empty() && panel.names.is_empty();
+    // Of a run that has not begun all is at one time, which is no axis.
+    let panel = &with_length(panel);
     // The axes take a part of it.
     let size = egui::vec2((width - AXIS[0]).max(1.0), (height - AXIS[1]).max(1.0));
     let names = ui.new_child(egui::UiBuilder::new());
@@ -159,6 +162,16 @@ pub(super) fn show(
         }
     });
     at_s.and(shown.inner).and_then(|point| state_near(point.x))
+}
+
+/// The panel with axes that have a length.
+fn with_length(panel: &Panel) -> Cow<'_, Panel> {
+    let has = |(from, to): (f64, f64)| to > from && (to - from).is_finite();
+    if has(panel.x) && has(panel.y) {
+        return Cow::Borrowed(panel);
+    }
+    let long = |axis: (f64, f64)| if has(axis) { axis } else { (axis.0, axis.0 + 1.0) };
+    Cow::Owned(Panel { x: long(panel.x), y: long(panel.y), ..panel.clone() })
 }
 
 /// Whether a named line ends at the right edge.
@@ -279,6 +292,7 @@ pub(super) fn on_ground(context: &egui::Context, [r, g, b]: Colour) -> Color32 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use city3d_logbook::figures::TidyTable;
 
     #[test]
     fn a_long_line_is_drawn_with_few_points_and_all_its_peaks() {
@@ -325,6 +339,29 @@ mod tests {
             let room = (to - 40.0) / (to - from) * 500.0;
             assert!(from == 0.0 && (room - width).abs() < 0.5, "{room} points for {width}");
             assert_eq!(with_room_for_names(ui, &panel(Vec::new(), &[12.0]), 500.0), (0.0, 40.0));
+        });
+        output.textures_delta.clear();
+    }
+
+    #[test]
+    fn a_figure_of_one_moment_has_axes() {
+        let context = egui::Context::default();
+        let mut output = context.run_ui(egui::RawInput::default(), |ui| {
+            let panels = vec![Panel { x: (0.0, 0.0), y: (3.0, 3.0), ..Panel::default() }];
+            let figure = Figure {
+                name: "way".to_owned(),
+                title: String::new(),
+                panels,
+                columns: 1,
+                row_height: 0.5,
+                legend: Vec::new(),
+                scale: None,
+                note: String::new(),
+                table: TidyTable::default(),
+            };
+            for across in [Across::Anything, Across::Time, Across::ShownTime(0.0)] {
+                assert_eq!(show(ui, (&figure, 0, &figure.panels[0]), 120.0, across), None);
+            }
         });
         output.textures_delta.clear();
     }

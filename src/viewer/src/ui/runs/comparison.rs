@@ -273,7 +273,9 @@ fn tip_of(quantity: &str) -> Option<&'static str> {
             "From when one vehicle has left a conflict zone until the next one enters it; 0 or less where both were in it, \
              which is no collision by itself",
         ),
-        "least gap" => Some("From bumper to bumper to the leader on the same way"),
+        "least gap" => Some(
+            "From bumper to bumper to the leader on the same way, along its lane; 0 or less where bodies met, also beside one another, where charts may still have some centimetres",
+        ),
         _ => None,
     }
 }

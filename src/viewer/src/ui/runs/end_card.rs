@@ -213,7 +213,8 @@ fn tip_of(name: &str) -> Option<&'static str> {
         traffic::SLOW_STOPS => Some(traffic::STOPS),
         STANDSTILLS | STANDSTILLS_OF_ALL => Some(
             "How often vehicles stood before the end of their routes, or off these: the events \"standstill\" but \
-                 for that of an arrival",
+                 for that of an arrival. Also before the warm-up is over, and anew after creeping on, which slow stops do not count: \
+                 so there may be more of these",
         ),
         "Mean speed" => Some(traffic::MEAN_SPEED),
         LONGEST_STAND => Some(traffic::LONGEST_STAND),
