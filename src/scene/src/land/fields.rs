@@ -7,7 +7,7 @@ use glam::{DVec2, IVec2};
 
 /// Mean edge of a field, and of one on the hills beyond, where one stands for several.
 const FIELD_M: f64 = 118.0;
-const FAR_FIELD_M: f64 = 210.0;
+const FAR_FIELD_M: f64 = 360.0;
 /// The lattice is turned out of the axes of the map, bent, and its nodes lie off their places by this share.
 const TURN_RAD: f64 = 0.42;
 const BENT_M: f64 = 70.0;
