@@ -269,7 +269,7 @@ pub(super) fn shell(builder: &mut PrimitiveBuilder, shape: &CarShape, detail: Ca
     }
     deck(builder, shape, detail, 1.0);
     match shape.rear {
-        Rear::Bed => bed(builder, shape),
+        Rear::Bed => bed(builder, shape, detail),
         _ => deck(builder, shape, detail, -1.0),
     }
     let (low, y) = (shape.sill + 0.02, HALF_M * 0.9);
@@ -501,7 +501,7 @@ fn deck(builder: &mut PrimitiveBuilder, shape: &CarShape, detail: CarDetail, fac
 }
 
 /// The open bed of a pickup: floor and walls, and a rim on the walls.
-fn bed(builder: &mut PrimitiveBuilder, shape: &CarShape) {
+fn bed(builder: &mut PrimitiveBuilder, shape: &CarShape, detail: CarDetail) {
     const WALL_M: f32 = 0.07;
     let (front, rear) = (shape.cabin.stations[0] + 0.04, -LENGTH_M / 2.0 + 0.10);
     let (high, low) = (shape.shoulder_at(-1.6) - 0.005, 0.72);
@@ -514,7 +514,11 @@ fn bed(builder: &mut PrimitiveBuilder, shape: &CarShape) {
         builder.plate(&[at(b, high), at(a, high), at(a, low), at(b, low)], PLASTIC, 150);
     }
     // The rim follows the body, which is narrower at its rear.
-    let along = [front, -1.6, -2.1, rear + WALL_M];
+    let edge = rear + WALL_M;
+    let along = match detail {
+        CarDetail::Farther | CarDetail::Far => vec![front, edge],
+        _ => vec![front, -1.6, -2.1, edge],
+    };
     for (&ahead, &behind) in along.iter().zip(&along[1..]) {
         for side in [-1.0, 1.0] {
             let corners = [
@@ -530,7 +534,7 @@ fn bed(builder: &mut PrimitiveBuilder, shape: &CarShape) {
             builder.plate(&rim, PAINT, 250);
         }
     }
-    let (edge, end) = (rear + WALL_M, rear - 0.06);
+    let end = rear - 0.06;
     let gate = [(edge, -outer(edge)), (edge, outer(edge)), (end, outer(end)), (end, -outer(end))];
     builder.plate(&gate.map(|corner| at(corner, high)), PAINT, 250);
     let floor = [3, 2, 1, 0].map(|k| at(inside[k], low));
