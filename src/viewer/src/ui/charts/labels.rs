@@ -47,8 +47,9 @@ impl LabelRoom {
         let (point, size) = (self.point(at), size_of(ui, name));
         let rect = |anchor: Align2| anchor.anchor_size(point, size);
         let free = anchors.iter().copied().filter(|anchor| self.is_free(rect(*anchor)));
-        let anchor = free.min_by_key(|anchor| self.trouble(rect(*anchor)))?;
-        if self.trouble(rect(anchor)).1 > MOST_CROSSED {
+        let ranked = free.map(|anchor| (self.trouble(rect(anchor)), anchor));
+        let ((_, crossed), anchor) = ranked.min_by_key(|(trouble, _)| *trouble)?;
+        if crossed > MOST_CROSSED {
             return None;
         }
         self.taken.push(rect(anchor));
