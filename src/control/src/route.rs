@@ -5,6 +5,7 @@ use city3d_geometry::CurveProjection;
 use city3d_geometry::lab::CurvePoint;
 use city3d_protocol::snapshot::SignalHeadId;
 use city3d_roadmap::{ControlLineKind, LEFT_TURN_RAD, LabMap, LaneId, LaneKind, ZoneId, ZoneKind};
+use city3d_workers::{prefetch_at, prefetch_slice};
 use glam::DVec2;
 use std::ops::Range;
 
@@ -176,8 +177,7 @@ impl Route {
     }
 
     fn place_at(&self, s: f64) -> RoutePlace {
-        let place = (s / PLACE_STEP_M).max(0.0) as usize;
-        self.places[place.min(self.places.len() - 1)]
+        self.places[place_index(s).min(self.places.len() - 1)]
     }
 
     /// The diverging lanes that do not begin before an arc length, in driving order.
@@ -195,16 +195,14 @@ impl Route {
         index
     }
 
-    /// A number out of what is looked up around an arc length, with the speed profile on some way ahead, the lane at `index` and
-    /// a section.
-    pub(super) fn peek(&self, s: f64, ahead_m: f64, index: usize, section: usize) -> f64 {
-        let numbers = [
-            f64::from(self.place_at(s).lane),
-            self.stations.get(index).copied().unwrap_or_default(),
-            self.lanes.get(index).map_or(0.0, |lane| lane.index() as f64),
-            self.sections.get(section).map_or(0.0, |section| section.hold_s),
-        ];
-        self.profile.peek(s, ahead_m) + numbers.into_iter().sum::<f64>()
+    /// Asks for what is looked up around an arc length, with the speed profile on some way ahead, the lane at `index` and a
+    /// section.
+    pub(super) fn fetch(&self, s: f64, ahead_m: f64, index: usize, section: usize) {
+        prefetch_at(&self.places, place_index(s));
+        prefetch_at(&self.stations, index);
+        prefetch_at(&self.lanes, index);
+        prefetch_at(&self.sections, section);
+        self.profile.fetch(s, ahead_m);
     }
 
     /// The point at an arc length, extended straight beyond the ends.
@@ -369,6 +367,11 @@ impl Route {
     }
 }
 
+/// Index in [`Route::places`] of an arc length.
+fn place_index(s: f64) -> usize {
+    (s / PLACE_STEP_M).max(0.0) as usize
+}
+
 /// The lane at each step along the route.
 fn places(stations: &[f64]) -> Vec<RoutePlace> {
     let last = stations.len().saturating_sub(2);
@@ -416,8 +419,6 @@ struct SpeedProfile {
 }
 
 const PROFILE_STEP_M: f64 = 0.02;
-/// So many numbers the processor reads at once.
-const NUMBERS_OF_LINE: usize = 8;
 /// Share of u_min for braking before bends: tracking keeps a reserve.
 const BEND_BRAKING: f64 = 0.6;
 
@@ -452,11 +453,11 @@ impl SpeedProfile {
         Self { squares }
     }
 
-    /// Reads what a way from an arc length on needs.
-    fn peek(&self, s: f64, ahead_m: f64) -> f64 {
+    /// Asks for what a way from an arc length on needs.
+    fn fetch(&self, s: f64, ahead_m: f64) {
         let from = ((s / PROFILE_STEP_M).max(0.0) as usize).min(self.squares.len() - 1);
-        let to = (from + (ahead_m / PROFILE_STEP_M) as usize + 1).min(self.squares.len());
-        self.squares[from..to].iter().step_by(NUMBERS_OF_LINE).sum()
+        let to = (from + (ahead_m / PROFILE_STEP_M) as usize + 2).min(self.squares.len());
+        prefetch_slice(&self.squares[from..to]);
     }
 
     fn at(&self, s: f64) -> f64 {

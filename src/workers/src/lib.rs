@@ -4,6 +4,10 @@
 //! A step of control or physics takes a fraction of a millisecond, and to wake a sleeping thread takes a twentieth of one. So
 //! threads that are [at hand](Workers::at_hand) spin between the parts of a step that are shared out, and sleep between steps.
 
+mod prefetch;
+
+pub use prefetch::{prefetch, prefetch_at, prefetch_slice};
+
 use rayon::{ThreadPool, ThreadPoolBuilder, Yield};
 use std::num::NonZeroUsize;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
@@ -36,10 +40,19 @@ struct Others {
     ready: AtomicUsize,
 }
 
-/// Items that one thread takes at a time.
-pub const GROUP: usize = 16;
+/// Least and most items that one thread takes at a time: few, so that all end together, and many, so that most are asked for
+/// before their turn.
+const GROUP: [usize; 2] = [16, 64];
+/// Groups where there are enough items for them.
+const GROUPS: usize = 32;
 /// With fewer items for each thread, waking it costs more than it saves.
 const LEAST_SHARE: usize = 128;
+
+/// Items that one thread takes at a time, of so many.
+pub fn group_size(items: usize) -> usize {
+    let [least, most] = GROUP;
+    (items / GROUPS).clamp(least, most)
+}
 
 impl Workers {
     /// The caller's thread alone.
@@ -108,13 +121,14 @@ impl Workers {
         buffers: impl Fn() -> B + Sync,
         work: impl Fn(&mut B, usize, &mut T) + Sync,
     ) {
-        self.share(items.chunks_mut(GROUP).enumerate(), buffers, |buffers, (job, items)| {
-            items.iter_mut().enumerate().for_each(|(k, item)| work(buffers, job * GROUP + k, item));
+        let size = group_size(items.len());
+        self.share(items.chunks_mut(size).enumerate(), buffers, |buffers, (job, items)| {
+            items.iter_mut().enumerate().for_each(|(k, item)| work(buffers, job * size + k, item));
         });
     }
 
-    /// Calls `work` with the index of the first item, [`GROUP`] items that follow one another or the fewer ones at the end, and
-    /// what there is for this group; for all groups, in any order.
+    /// Calls `work` with the index of the first item, [`group_size`] items that follow one another or the fewer ones at the end,
+    /// and what there is for this group; for all groups, in any order.
     ///
     /// # Panics
     /// With another number of groups.
@@ -124,9 +138,10 @@ impl Workers {
         groups: &mut [G],
         work: impl Fn(usize, &mut [T], &mut G) + Sync,
     ) {
-        assert_eq!(items.len().div_ceil(GROUP), groups.len(), "each group has its own");
-        let jobs = items.chunks_mut(GROUP).zip(groups).enumerate();
-        self.share(jobs, || (), |(), (job, (items, group))| work(job * GROUP, items, group));
+        let size = group_size(items.len());
+        assert_eq!(items.len().div_ceil(size), groups.len(), "each group has its own");
+        let jobs = items.chunks_mut(size).zip(groups).enumerate();
+        self.share(jobs, || (), |(), (job, (items, group))| work(job * size, items, group));
     }
 
     /// [`Self::each_group`] of two lists of the same length.
@@ -139,7 +154,8 @@ impl Workers {
         work: impl Fn(&mut [A], &mut [B]) + Sync,
     ) {
         assert_eq!(first.len(), second.len(), "each item has its partner");
-        let jobs = first.chunks_mut(GROUP).zip(second.chunks_mut(GROUP));
+        let size = group_size(first.len());
+        let jobs = first.chunks_mut(size).zip(second.chunks_mut(size));
         self.share(jobs, || (), |(), (first, second)| work(first, second));
     }
 
@@ -153,12 +169,13 @@ impl Workers {
         work: impl Fn(usize, &mut [A], &mut [B], &mut [C]) + Sync,
     ) {
         assert_eq!([first.len(); 2], [second.len(), third.len()], "each item has its partners");
-        let groups = first.chunks_mut(GROUP).zip(second.chunks_mut(GROUP)).zip(third.chunks_mut(GROUP));
+        let size = group_size(first.len());
+        let groups = first.chunks_mut(size).zip(second.chunks_mut(size)).zip(third.chunks_mut(size));
         self.share(
             groups.enumerate(),
             || (),
             |(), (group, ((first, second), third))| {
-                work(group * GROUP, first, second, third);
+                work(group * size, first, second, third);
             },
         );
     }
@@ -263,14 +280,14 @@ mod tests {
     #[test]
     fn every_item_is_worked_on_once_whatever_the_number_of_threads() {
         for threads in [1, 2, 3, 8] {
-            for count in [0, 1, GROUP, 2 * GROUP + 1, 1000] {
+            for count in [0, 1, 16, 2 * 16 + 1, 1000, 5000] {
                 let workers = workers(threads);
                 let mut items = vec![0; count];
                 let mut partners: Vec<usize> = (0..count).collect();
                 let mut thirds = partners.clone();
                 workers.at_hand(count, || {
                     workers.each(&mut items, |index, item| *item += index);
-                    let mut sums = vec![0; count.div_ceil(GROUP)];
+                    let mut sums = vec![0; count.div_ceil(group_size(count))];
                     workers.each_group(&mut items, &mut sums, |first, items, sum| {
                         assert_eq!(items[0], first);
                         *sum = items.iter().sum::<usize>();

@@ -1,30 +1,32 @@
-//! Software prefetching: of thousands of vehicles the caches hold none, and the time of a control step is that of reading memory.
-//! The processor reads several places at once where no address waits for another, so a place is read before its turn.
+//! What a control step reads of vehicles, asked for before their turn.
 
 use super::Cav;
+use city3d_workers::{prefetch, prefetch_at};
 
-/// Places before its turn at which a vehicle's route is read, and what that leads to.
-const ROUTE_AHEAD: usize = 4;
-const PLACES_AHEAD: usize = 2;
+/// Places before its turn at which a vehicle is asked for, then its route, and then the places on it: each leads to the next.
+const VEHICLE_AHEAD: usize = 12;
+const ROUTE_AHEAD: usize = 8;
+const PLACES_AHEAD: usize = 4;
 
-/// Fetches what vehicles soon after this place read of their routes in a control step, with the speed profile on the way of some
-/// seconds.
+/// Asks for what vehicles soon after this place read in a control step, with the speed profile on the way of some seconds.
 pub(crate) fn fetch_ahead(cavs: &[Cav], place: usize, way_s: f64) {
+    if place == 0 {
+        (0..VEHICLE_AHEAD).for_each(|first| prefetch_at(cavs, first));
+        cavs.iter().take(ROUTE_AHEAD).for_each(Cav::fetch_route);
+        cavs.iter().take(PLACES_AHEAD).for_each(|cav| cav.fetch_places(way_s));
+    }
+    prefetch_at(cavs, place + VEHICLE_AHEAD);
     cavs.get(place + ROUTE_AHEAD).into_iter().for_each(Cav::fetch_route);
-    cavs.get(place + PLACES_AHEAD).into_iter().for_each(|cav| cav.fetch(way_s));
+    cavs.get(place + PLACES_AHEAD).into_iter().for_each(|cav| cav.fetch_places(way_s));
 }
 
 impl Cav {
-    /// Reads what a control step reads of its route, on the way of some seconds, and nothing else.
-    fn fetch(&self, way_s: f64) {
-        let (ahead_m, next) = (self.speed_mps * way_s, self.passage.next_section);
-        std::hint::black_box(self.route.peek(self.axle_s, ahead_m, self.lane_index, next));
+    fn fetch_route(&self) {
+        prefetch(&*self.route);
+        self.passage.admissions.first().into_iter().for_each(prefetch);
     }
 
-    /// Reads what leads to that.
-    fn fetch_route(&self) {
-        let passage = &self.passage;
-        let order = passage.admissions.first().map_or(0, |admission| admission.order);
-        std::hint::black_box(order + self.route.lanes().len() as u64 + self.route.sections.len() as u64);
+    fn fetch_places(&self, way_s: f64) {
+        self.route.fetch(self.axle_s, self.speed_mps * way_s, self.lane_index, self.passage.next_section);
     }
 }

@@ -9,6 +9,7 @@
 
 use city3d_geometry::digest::{Digest, StateHash};
 use city3d_geometry::{Pose2, trig, wrap_angle};
+use city3d_workers::prefetch_slice;
 use glam::DVec2;
 use serde::{Deserialize, Serialize};
 
@@ -88,8 +89,8 @@ impl Path {
     }
 
     /// Of its nodes.
-    pub(super) fn stations(&self) -> impl Iterator<Item = f64> {
-        self.nodes.iter().map(|node| node.station)
+    pub(super) fn fetch(&self, most: usize) {
+        prefetch_slice(&self.nodes[..most.min(self.nodes.len())]);
     }
 
     /// The digest of the nodes from one on.

@@ -9,6 +9,7 @@ use city3d_geometry::digest::{Digest, StateHash};
 use city3d_geometry::trig;
 use city3d_protocol::snapshot::GRAVITY_MPS2;
 use city3d_protocol::snapshot::{Trajectory, TrajectoryPoint};
+use city3d_workers::prefetch_slice;
 use glam::DVec2;
 use serde::{Deserialize, Serialize};
 
@@ -186,8 +187,8 @@ impl Tracker {
     /// on, it comes to the processor's cache.
     pub fn fetch(&self, whole: bool) {
         let most = if whole { usize::MAX } else { SEARCHED_NODES };
-        let waypoints = self.waypoints.iter().step_by(2).map(|waypoint| waypoint.time_s);
-        std::hint::black_box(self.path.stations().take(most).chain(waypoints).sum::<f64>());
+        self.path.fetch(most);
+        prefetch_slice(&self.waypoints);
     }
 
     /// Link loss: brakes to a stop along the last path, at no more than 5 m/s2, until the next trajectory.

@@ -8,6 +8,8 @@ use super::vehicle::SimVehicle;
 use super::{World, WorldState};
 use city3d_dynamics::physics::{Impetus, Physics};
 use city3d_protocol::snapshot::{Event, EventKind, Trajectory};
+use city3d_workers::{prefetch, prefetch_slice};
+use std::ops::Range;
 
 /// What lasts for a step: not state.
 #[derive(Clone, Debug, Default)]
@@ -105,6 +107,8 @@ impl World {
 
 /// So many bodies move side by side.
 const SIDE_BY_SIDE: usize = 4;
+/// So many vehicles before its turn a vehicle's path and trajectory are asked for, which its own memory leads to.
+const PLANS_AHEAD: usize = 8;
 
 /// The part of a step before the physics, which is all of it for vehicles whose bodies are free.
 struct Beginning<'s> {
@@ -119,25 +123,32 @@ impl Beginning<'_> {
     /// Of neighbours in the list of vehicles, the first of which has an index. What a vehicle reads is fetched while the ones
     /// before it are worked on: of thousands none is at hand.
     fn begin(&self, first: usize, vehicles: &mut [SimVehicle], places: &mut [Place], sequels: &mut [Sequel]) {
-        self.fetch(first, &vehicles[..SIDE_BY_SIDE.min(vehicles.len())]);
+        self.fetch(first, vehicles, 0..PLANS_AHEAD);
         let mut index = first;
         let (mut places, mut sequels) = (places.chunks_mut(SIDE_BY_SIDE), sequels.chunks_mut(SIDE_BY_SIDE));
         let mut rest = vehicles;
         while let (Some(places), Some(sequels)) = (places.next(), sequels.next()) {
+            self.fetch(index, rest, PLANS_AHEAD..PLANS_AHEAD + SIDE_BY_SIDE);
             let (group, next) = rest.split_at_mut(places.len());
-            self.fetch(index + group.len(), &next[..SIDE_BY_SIDE.min(next.len())]);
             self.begin_side_by_side(index, group, places, sequels);
             (index, rest) = (index + places.len(), next);
         }
     }
 
-    fn fetch(&self, first: usize, vehicles: &[SimVehicle]) {
-        for (k, vehicle) in vehicles.iter().enumerate() {
-            let own = self.trajectories.get(first + k);
+    /// Asks for the plans of the vehicles at these places, the first of which has an index, and for the vehicles themselves that
+    /// far again beyond them.
+    fn fetch(&self, first: usize, vehicles: &[SimVehicle], places: Range<usize>) {
+        for place in places {
+            let beyond = place + PLANS_AHEAD;
+            if beyond < vehicles.len() {
+                prefetch(&vehicles[beyond]);
+                // With one for each vehicle, it is its own.
+                self.trajectories.get(first + beyond).into_iter().for_each(|own| prefetch(*own));
+            }
+            let Some(vehicle) = vehicles.get(place) else { continue };
+            let own = self.trajectories.get(first + place);
             vehicle.fetch(own.is_some());
-            // With one for each vehicle, it is its own.
-            let points = own.map_or(&[][..], |trajectory| &trajectory.points);
-            std::hint::black_box(points.iter().map(|point| point.time_s).sum::<f64>());
+            own.into_iter().for_each(|own| prefetch_slice(&own.points));
         }
     }
 
