@@ -3,10 +3,11 @@
 //! Arguments: vehicles (10000), vehicle model (bicycle), seconds to measure (10). `THREADS=N` in the environment sets the threads.
 #![allow(clippy::disallowed_types, reason = "measures time")]
 
+mod common;
+
 use city3d_roadmap::Grid;
 use city3d_simulation::runner::Run;
 use city3d_simulation::scenario::{Experiment, Library, Overrides, read_experiment};
-use city3d_workers::Workers;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -25,9 +26,7 @@ fn experiment(vehicles: &str, model: &str, measured_s: f64) -> Arc<Experiment> {
     let library = Library::kept(drawing, BTreeMap::new());
     let read = read_experiment("grid", &text, &library, Overrides::default())
         .unwrap_or_else(|error| panic!("{error}"));
-    let threads = std::env::var("THREADS").map(|threads| threads.parse().expect("a number of threads"));
-    let workers = threads.map_or_else(|_| Workers::of_machine(), Workers::new);
-    Arc::new(Experiment { workers, ..read })
+    Arc::new(Experiment { workers: common::workers(), ..read })
 }
 
 fn median(times: &mut [Duration]) -> f64 {

@@ -2,13 +2,14 @@
 //! lockstep of the city. `THREADS=N` in the environment sets the threads; all processors otherwise.
 #![allow(clippy::disallowed_types, reason = "measures time")]
 
+mod common;
+
 use city3d_dynamics::vehicle::ModelKind;
 use city3d_protocol::snapshot::{FrameSnapshot, SimCommand, Trajectory, TrajectoryPoint, VehicleId};
 use city3d_roadmap::dxf::{Drawing, EntityShape};
 use city3d_simulation::runner::Run;
 use city3d_simulation::scenario::{Experiment, Library, Overrides, read_experiment};
 use city3d_simulation::sim::World;
-use city3d_workers::Workers;
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
 use glam::DVec2;
 use std::fmt::Write;
@@ -24,11 +25,6 @@ const SPACING_M: f64 = 16.0;
 const SCALE: f64 = 100.0;
 const CONTROL_TICKS: u64 = 2;
 const HORIZON_POINTS: u32 = 13;
-
-fn workers() -> Workers {
-    let threads = std::env::var("THREADS").map(|threads| threads.parse().expect("a number of threads"));
-    threads.map_or_else(|_| Workers::of_machine(), Workers::new)
-}
 
 /// Parallel straight lanes, long enough for the bench, with cars one behind the other on each.
 fn parade(cars: usize, model: ModelKind) -> Arc<Experiment> {
@@ -60,7 +56,7 @@ fn parade(cars: usize, model: ModelKind) -> Arc<Experiment> {
     let overrides = Overrides { model: Some(model), ..Overrides::default() };
     let read =
         read_experiment("parade", &text, &library, overrides).unwrap_or_else(|error| panic!("{error}"));
-    Arc::new(Experiment { workers: workers(), ..read })
+    Arc::new(Experiment { workers: common::workers(), ..read })
 }
 
 /// A world in motion and what drives it on.

@@ -7,7 +7,7 @@ use super::right_of_way::Presence;
 use super::traffic::LanesUnder;
 use city3d_protocol::snapshot::VehicleId;
 use city3d_protocol::wire::Measurement;
-use city3d_workers::group_size;
+use city3d_workers::group_count;
 
 /// What is found of some vehicles that follow one another in the list; a buffer.
 #[derive(Debug, Default)]
@@ -52,7 +52,7 @@ impl Mainframe {
         }
         let Self { map, lanes, cavs, groups, right_of_way, .. } = self;
         let is_noted = self.coordination.is_none() && self.signals.is_empty();
-        groups.resize_with(cavs.len().div_ceil(group_size(cavs.len())), VehicleGroup::default);
+        groups.resize_with(group_count(cavs.len()), VehicleGroup::default);
         self.workers.each_group(cavs, groups, |first, cavs, group| {
             (group.is_noted, group.measured) = (is_noted, 0);
             group.under.clear();

@@ -48,8 +48,12 @@ const GROUPS: usize = 32;
 /// With fewer items for each thread, waking it costs more than it saves.
 const LEAST_SHARE: usize = 128;
 
-/// Items that one thread takes at a time, of so many.
-pub fn group_size(items: usize) -> usize {
+/// Groups of neighbours into which so many items are shared out; a thread takes one at a time.
+pub fn group_count(items: usize) -> usize {
+    items.div_ceil(group_size(items))
+}
+
+fn group_size(items: usize) -> usize {
     let [least, most] = GROUP;
     (items / GROUPS).clamp(least, most)
 }
@@ -127,8 +131,8 @@ impl Workers {
         });
     }
 
-    /// Calls `work` with the index of the first item, [`group_size`] items that follow one another or the fewer ones at the end,
-    /// and what there is for this group; for all groups, in any order.
+    /// Calls `work` with the index of the first item of a group, its items, which follow one another, and what there is for this
+    /// group; for all of the [`group_count`] groups, in any order.
     ///
     /// # Panics
     /// With another number of groups.
@@ -138,8 +142,8 @@ impl Workers {
         groups: &mut [G],
         work: impl Fn(usize, &mut [T], &mut G) + Sync,
     ) {
+        assert_eq!(group_count(items.len()), groups.len(), "each group has its own");
         let size = group_size(items.len());
-        assert_eq!(items.len().div_ceil(size), groups.len(), "each group has its own");
         let jobs = items.chunks_mut(size).zip(groups).enumerate();
         self.share(jobs, || (), |(), (job, (items, group))| work(job * size, items, group));
     }
@@ -280,14 +284,15 @@ mod tests {
     #[test]
     fn every_item_is_worked_on_once_whatever_the_number_of_threads() {
         for threads in [1, 2, 3, 8] {
-            for count in [0, 1, 16, 2 * 16 + 1, 1000, 5000] {
+            let [least, most] = GROUP;
+            for count in [0, 1, least, 2 * least + 1, 1000, GROUPS * most + 1] {
                 let workers = workers(threads);
                 let mut items = vec![0; count];
                 let mut partners: Vec<usize> = (0..count).collect();
                 let mut thirds = partners.clone();
                 workers.at_hand(count, || {
                     workers.each(&mut items, |index, item| *item += index);
-                    let mut sums = vec![0; count.div_ceil(group_size(count))];
+                    let mut sums = vec![0; group_count(count)];
                     workers.each_group(&mut items, &mut sums, |first, items, sum| {
                         assert_eq!(items[0], first);
                         *sum = items.iter().sum::<usize>();

@@ -1,5 +1,6 @@
-//! Software prefetching: of thousands of vehicles the caches of a processor hold few, and the time of a step is that of reading memory. What a
-//! vehicle needs is asked for some vehicles before its turn, and arrives while those are worked on. It changes no result.
+//! Software prefetching: of thousands of vehicles the caches of a processor hold few, and the time of a step is that of
+//! reading memory. What a vehicle needs is asked for some vehicles before its turn, and arrives while those are worked on. It
+//! changes no result.
 
 /// Bytes that a processor reads at once.
 const LINE_BYTES: usize = 64;

@@ -1,7 +1,7 @@
 //! What a control step reads of vehicles, asked for before their turn.
 
 use super::Cav;
-use city3d_workers::{prefetch, prefetch_at};
+use city3d_workers::prefetch;
 
 /// Places before its turn at which a vehicle is asked for, then its route, and then the places on it: each leads to the next.
 const VEHICLE_AHEAD: usize = 12;
@@ -10,14 +10,14 @@ const PLACES_AHEAD: usize = 4;
 
 /// Asks for what vehicles soon after this place read in a control step, with the speed profile on the way of some seconds.
 pub(crate) fn fetch_ahead(cavs: &[Cav], place: usize, way_s: f64) {
-    if place == 0 {
-        (0..VEHICLE_AHEAD).for_each(|first| prefetch_at(cavs, first));
-        cavs.iter().take(ROUTE_AHEAD).for_each(Cav::fetch_route);
-        cavs.iter().take(PLACES_AHEAD).for_each(|cav| cav.fetch_places(way_s));
-    }
-    prefetch_at(cavs, place + VEHICLE_AHEAD);
-    cavs.get(place + ROUTE_AHEAD).into_iter().for_each(Cav::fetch_route);
-    cavs.get(place + PLACES_AHEAD).into_iter().for_each(|cav| cav.fetch_places(way_s));
+    // At the first place also for those in between.
+    let coming = |ahead| {
+        let first = if place == 0 { 0 } else { place + ahead };
+        cavs.iter().take(place + ahead + 1).skip(first)
+    };
+    coming(VEHICLE_AHEAD).for_each(prefetch);
+    coming(ROUTE_AHEAD).for_each(Cav::fetch_route);
+    coming(PLACES_AHEAD).for_each(|cav| cav.fetch_places(way_s));
 }
 
 impl Cav {

@@ -88,7 +88,7 @@ impl Path {
         self.nodes.last().map_or(0.0, |node| node.station)
     }
 
-    /// Of its nodes.
+    /// Asks for its first nodes, at most so many.
     pub(super) fn fetch(&self, most: usize) {
         prefetch_slice(&self.nodes[..most.min(self.nodes.len())]);
     }

@@ -183,8 +183,8 @@ impl Tracker {
         hash
     }
 
-    /// Reads what [`Self::step`] or, with `whole`, [`Self::follow`] reads of its path, and nothing else: while others are worked
-    /// on, it comes to the processor's cache.
+    /// Asks for what [`Self::step`] or, with `whole`, [`Self::follow`] reads of its path: while others are worked on, it comes to
+    /// the processor's cache.
     pub fn fetch(&self, whole: bool) {
         let most = if whole { usize::MAX } else { SEARCHED_NODES };
         self.path.fetch(most);
