@@ -2,7 +2,7 @@
 //! uses of junctions. A vehicle goes through all of it at once, while it is in the processor's cache.
 
 use super::Mainframe;
-use super::cav::fetch_ahead;
+use super::cav::{Reads, fetch_ahead};
 use super::right_of_way::Presence;
 use super::traffic::LanesUnder;
 use city3d_protocol::snapshot::VehicleId;
@@ -50,15 +50,15 @@ impl Mainframe {
                 return false;
             }
         }
-        let Self { map, lanes, cavs, groups, right_of_way, .. } = self;
         let is_noted = self.coordination.is_none() && self.signals.is_empty();
+        let Self { map, lanes, cavs, groups, right_of_way, signals, .. } = self;
         groups.resize_with(group_count(cavs.len()), VehicleGroup::default);
         self.workers.each_group(cavs, groups, |first, cavs, group| {
             (group.is_noted, group.measured) = (is_noted, 0);
             group.under.clear();
             group.presence.clear();
             for k in 0..cavs.len() {
-                fetch_ahead(cavs, k, 0.0);
+                fetch_ahead(cavs, k, Reads::Junctions);
                 let (vehicle, cav) = (first + k, &mut cavs[k]);
                 if let Some(seen) = in_order.as_ref().and_then(|arrived| arrived.of_vehicle(vehicle, cav.id))
                 {
@@ -68,7 +68,7 @@ impl Mainframe {
                 cav.advance_to(time_s);
                 group.under.push(LanesUnder::of(cav));
                 if is_noted {
-                    right_of_way.note(time_s, (vehicle, cav), &mut group.presence);
+                    right_of_way.note(time_s, signals, (vehicle, cav), &mut group.presence);
                 }
             }
         });

@@ -3,7 +3,7 @@
 mod coordinated;
 mod fetch;
 
-pub(super) use fetch::fetch_ahead;
+pub(super) use fetch::{Reads, fetch_ahead};
 
 use super::coordination::CoordinatedState;
 use super::decision::Decision;

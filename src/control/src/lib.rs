@@ -46,7 +46,7 @@ pub use signals::{
 
 use advance::VehicleGroup;
 use answers::{Answer, Heeded, Surroundings};
-use cav::fetch_ahead;
+use cav::{Reads, fetch_ahead};
 use city3d_protocol::snapshot::VehicleId;
 use city3d_protocol::wire::{Measurement, Message};
 use city3d_roadmap::{LabMap, LaneIndex};
@@ -274,7 +274,7 @@ impl Mainframe {
         answers.resize_with(self.cavs.len(), Answer::default);
         let around = self.surroundings();
         self.workers.each_with(&mut answers, Heeded::default, |heeded, index, answer| {
-            fetch_ahead(around.cavs, index, 0.0);
+            fetch_ahead(around.cavs, index, Reads::Traffic(around.occupancy));
             answer.begin(&around, index, time_s, heeded);
         });
         if self.coordination.is_some() || self.platooning.is_some() {
@@ -283,7 +283,7 @@ impl Mainframe {
         let map = &*self.map;
         self.workers.each_group_of_two((&mut self.cavs, &mut answers), |cavs, answers| {
             for (k, answer) in answers.iter_mut().enumerate() {
-                fetch_ahead(cavs, k, plan::HORIZON_S);
+                fetch_ahead(cavs, k, Reads::Way);
                 answer.finish(map, &mut cavs[k], (time_s, dt_s));
             }
         });

@@ -23,6 +23,7 @@ mod waiting;
 pub use constraints::{ConstraintKind, YieldConstraint};
 pub(crate) use constraints::{VehicleSet, WayLeft};
 pub(crate) use presence::Presence;
+use presence::Present;
 
 use super::Cav;
 use super::advance::VehicleGroup;
@@ -35,6 +36,7 @@ use candidate::Candidate;
 use city3d_roadmap::{LabMap, LaneId, ZoneKind};
 use city3d_workers::Workers;
 use serde::{Deserialize, Serialize};
+use std::collections::BTreeSet;
 use waiting::{note_signal, revoke_stalled_admissions};
 
 /// Parameters of the right of way, laboratory units.
@@ -140,6 +142,11 @@ impl RightOfWayState {
         self.blocked_since_s.is_some()
     }
 
+    /// Index of the first section that it has not left.
+    pub(super) fn first_section(&self) -> usize {
+        self.admissions.first().map_or(self.next_section, |admission| admission.section)
+    }
+
     /// How long it has stood.
     fn stood_for_s(&self, now_s: f64) -> f64 {
         self.stands_since_s.map_or(0.0, |since_s| now_s - since_s)
@@ -180,10 +187,8 @@ pub struct RightOfWay {
     /// Users by zone, rebuilt each control step.
     users: Vec<Vec<ZoneUser>>,
     admitted_towards: AdmittedTowards,
-    /// By vehicle; a buffer.
-    requests: Vec<Option<Candidate>>,
-    /// Those of them that are one, in order; a buffer.
-    candidates: Vec<Candidate>,
+    /// A buffer.
+    present: Present,
 }
 
 /// First regular admission number; intruders are below.
@@ -206,8 +211,7 @@ impl RightOfWay {
             loops: LoopCapacity::new(map),
             users,
             admitted_towards: AdmittedTowards::new(map),
-            requests: Vec::new(),
-            candidates: Vec::new(),
+            present: Present::default(),
         }
     }
 
@@ -238,56 +242,71 @@ impl RightOfWay {
             }
             workers.each_group(cavs, groups, |first, cavs, group| {
                 group.presence.clear();
-                cavs.iter().enumerate().for_each(|(k, cav)| group.presence.add(first + k, cav, &self.loops));
+                for (k, cav) in cavs.iter_mut().enumerate() {
+                    self.add_presence(now_s, signals, (first + k, cav), &mut group.presence);
+                }
             });
         }
-        let inside = self.take(groups.iter().map(|group| &group.presence));
-        self.admit_vehicles_inside(inside, cavs);
-        self.resolve_deadlocks(now_s, map, cavs, occupancy);
-        let (mut requests, mut candidates) =
-            (std::mem::take(&mut self.requests), std::mem::take(&mut self.candidates));
-        requests.resize(cavs.len(), None);
-        workers.each(&mut requests, |vehicle, request| {
-            *request = self.candidate(now_s, vehicle, cavs, signals);
-        });
-        candidates.clear();
-        candidates.extend(requests.iter().flatten());
-        candidates.sort_by(Candidate::before);
+        let mut present = std::mem::take(&mut self.present);
+        present.clear();
+        self.take(groups.iter().map(|group| &group.presence), &mut present);
+        self.admit_vehicles_inside(&present.inside, cavs);
+        present.inside.dedup_by_key(|(vehicle, _)| *vehicle);
+        for &(vehicle, _) in &present.inside {
+            present.candidates.extend(self.candidate(now_s, (vehicle, &cavs[vehicle]), signals));
+        }
+        self.resolve_deadlocks(now_s, map, cavs, occupancy, (&present, workers));
+        workers.each(&mut present.candidates, |_, candidate| candidate.look_ahead(cavs, occupancy));
+        self.admit_candidates(now_s, &mut present.candidates, cavs, occupancy);
+        self.present = present;
+    }
+
+    /// Hears the candidates in order, and admits those that may enter.
+    fn admit_candidates(
+        &mut self,
+        now_s: f64,
+        candidates: &mut [Candidate],
+        cavs: &mut [Cav],
+        occupancy: &Occupancy,
+    ) {
+        candidates.sort_unstable_by(Candidate::before);
         // Exits that a standing vehicle waits for: later requests do not overtake it.
-        let mut awaited: Vec<LaneId> = Vec::new();
-        for candidate in &candidates {
+        let mut awaited: BTreeSet<LaneId> = BTreeSet::new();
+        for candidate in candidates {
             let vehicle = candidate.vehicle;
-            let exit = cavs[vehicle].exit_lane_of(cavs[vehicle].passage.next_section);
-            if awaited.contains(&exit) {
+            if awaited.contains(&candidate.exit) {
                 continue;
             }
             let has_room = self.has_room_behind(now_s, vehicle, cavs, occupancy);
-            if self.may_enter(now_s, candidate, has_room, cavs, occupancy) {
+            if self.may_enter(now_s, candidate, has_room, cavs) {
                 let order = self.next_order;
                 self.next_order += 1;
                 self.admit(vehicle, &mut cavs[vehicle], order);
             } else if candidate.standing_since_s.is_finite() && !has_room {
-                awaited.push(exit);
+                awaited.insert(candidate.exit);
             }
         }
-        (self.requests, self.candidates) = (requests, candidates);
     }
 
     /// What [`Self::update`] begins with, of one vehicle, where neither coordination nor signals come in between.
-    pub(super) fn note(&self, now_s: f64, (vehicle, cav): (usize, &mut Cav), presence: &mut Presence) {
+    pub(super) fn note(
+        &self,
+        now_s: f64,
+        signals: &Signals,
+        (vehicle, cav): (usize, &mut Cav),
+        presence: &mut Presence,
+    ) {
         note_progress(now_s, cav);
-        presence.add(vehicle, cav, &self.loops);
+        self.add_presence(now_s, signals, (vehicle, cav), presence);
     }
 
     /// Admits vehicles that started inside a section or could not stop before it, so that others respect
     /// them. One that was able to stop and did not, as a person may, goes before all admitted ones. Of several
     /// that are new, as when the control framework is restarted, those inside a zone go before those that have
     /// yet to enter it.
-    fn admit_vehicles_inside(&mut self, mut inside: Vec<(usize, usize)>, cavs: &mut [Cav]) {
-        if inside.len() > 1 {
-            inside = self.by_occupancy(&inside, cavs);
-        }
-        for (vehicle, _) in inside {
+    fn admit_vehicles_inside(&mut self, inside: &[(usize, usize)], cavs: &mut [Cav]) {
+        let sorted = (inside.len() > 1).then(|| self.by_occupancy(inside, cavs));
+        for &(vehicle, _) in sorted.as_deref().unwrap_or(inside) {
             let cav = &mut cavs[vehicle];
             let counter =
                 if cav.passage.was_before_line { &mut self.next_intruder } else { &mut self.next_order };
@@ -295,20 +314,10 @@ impl RightOfWay {
             *counter += 1;
             self.admit(vehicle, cav, order);
         }
-        // Nearly all were before: their routes are not read.
-        for cav in cavs.iter_mut().filter(|cav| !cav.passage.was_before_line && cav.is_on_route()) {
-            cav.passage.was_before_line = cav.passage.next_section < cav.route.sections.len();
-        }
+        inside.iter().for_each(|(vehicle, _)| cavs[*vehicle].note_line());
     }
 
-    fn may_enter(
-        &self,
-        now_s: f64,
-        candidate: &Candidate,
-        has_room: bool,
-        cavs: &mut [Cav],
-        occupancy: &Occupancy,
-    ) -> bool {
+    fn may_enter(&self, now_s: f64, candidate: &Candidate, has_room: bool, cavs: &mut [Cav]) -> bool {
         let Candidate { rank, vehicle, .. } = *candidate;
         let cav = &cavs[vehicle];
         let section = &cav.route.sections[cav.passage.next_section];
@@ -320,7 +329,7 @@ impl RightOfWay {
         // At a mere lane drop, holding one lane back would starve it.
         let waits_for_loops = section.rank >= RANK_YIELD || section.signal.is_some();
         if !has_room
-            || self.has_leader_before_line(vehicle, cavs, occupancy)
+            || self.has_leader_before_line(candidate, cavs)
             || (waits_for_loops && !self.loops.have_room(&cavs[vehicle]))
         {
             cavs[vehicle].passage.blocked_since_s.get_or_insert(now_s);
@@ -359,18 +368,17 @@ impl RightOfWay {
     /// Whether a leader, now or after merging, may have to wait for its own admission in the section or
     /// before it. This keeps numbers in lane order, so that no vehicle is blocked by one with a higher
     /// number.
-    fn has_leader_before_line(&self, vehicle: usize, cavs: &[Cav], occupancy: &Occupancy) -> bool {
+    fn has_leader_before_line(&self, candidate: &Candidate, cavs: &[Cav]) -> bool {
+        let vehicle = candidate.vehicle;
         let cav = &cavs[vehicle];
         let end_s = cav.route.sections[cav.passage.next_section].to_s;
-        let within_m = (end_s - cav.front_s()).max(0.0);
         // `front_s`: its front bumper along the own route.
         let waits_before_end = |other: usize, front_s: f64| {
             let other = &cavs[other];
             let next = other.route.sections.get(other.passage.next_section);
             next.is_some_and(|next| front_s + next.hold_s - other.front_s() < end_s)
         };
-        let leader = occupancy.leader(cavs, vehicle, within_m);
-        if leader.is_some_and(|leader| {
+        if candidate.leader.is_some_and(|leader| {
             waits_before_end(leader.vehicle, leader.rear_s + cavs[leader.vehicle].body.length_m)
         }) {
             return true;
@@ -497,6 +505,13 @@ impl RightOfWay {
                 }
             }
         }
+    }
+}
+
+impl Cav {
+    /// Notes that it is able to stop before its next section.
+    fn note_line(&mut self) {
+        self.passage.was_before_line |= self.passage.next_section < self.route.sections.len();
     }
 }
 

@@ -195,14 +195,37 @@ impl Route {
         index
     }
 
-    /// Asks for what is looked up around an arc length, with the speed profile on some way ahead, the lane at `index` and a
-    /// section.
-    pub(super) fn fetch(&self, s: f64, ahead_m: f64, index: usize, section: usize) {
-        prefetch_at(&self.places, place_index(s));
+    /// Asks for what is looked up around an arc length, with the speed profile on some way ahead and the lane at `index`.
+    pub(super) fn fetch(&self, s: f64, ahead_m: f64, index: usize) {
+        self.fetch_place(s);
         prefetch_at(&self.stations, index);
         prefetch_at(&self.lanes, index);
-        prefetch_at(&self.sections, section);
         self.profile.fetch(s, ahead_m);
+    }
+
+    /// Asks for what is looked up at an arc length.
+    pub(super) fn fetch_place(&self, s: f64) {
+        prefetch_at(&self.places, place_index(s));
+    }
+
+    /// Asks for two sections, which are as a rule the same or follow each other.
+    pub(super) fn fetch_sections(&self, first: usize, next: usize) {
+        prefetch_at(&self.sections, first);
+        prefetch_at(&self.sections, next);
+    }
+
+    /// Asks for the crossings of a section.
+    pub(super) fn fetch_crossings(&self, section: usize) {
+        if let Some(section) = self.sections.get(section) {
+            prefetch_slice(&self.crossings[section.crossings.clone()]);
+        }
+    }
+
+    /// Asks for the lanes that diverge beyond an arc length.
+    pub(super) fn fetch_forks(&self, s: f64) {
+        let first = self.place_at(s).fork as usize;
+        prefetch_at(&self.diverging, first);
+        prefetch_at(&self.diverging, first + 2);
     }
 
     /// The point at an arc length, extended straight beyond the ends.

@@ -2,6 +2,7 @@
 
 use super::{Cav, LeaderState};
 use city3d_roadmap::{LabMap, LaneId, LaneIndex};
+use city3d_workers::{prefetch_at, prefetch_slice};
 
 /// A vehicle on a lane: arc lengths of its front and rear bumper along that lane. A vehicle across a lane's
 /// end is listed on both lanes, with arc lengths beyond their ends.
@@ -78,6 +79,15 @@ fn lanes_under(cav: &Cav) -> impl Iterator<Item = (LaneId, f64)> {
     (first..=last).map(|index| (route.lanes()[index], route.lane_start(index)))
 }
 
+/// The lane at the front bumper of a vehicle and the one after it.
+fn lanes_before(cav: &Cav) -> impl Iterator<Item = LaneId> {
+    let lanes = cav.route.lanes();
+    lanes[cav.route.index_at(cav.front_s()).min(lanes.len())..].iter().take(2).copied()
+}
+
+/// So many vehicles of a list are asked for.
+const FETCHED: usize = 16;
+
 /// The leader: the nearest vehicle ahead on the route.
 #[derive(Clone, Copy, Debug)]
 pub struct Leader {
@@ -90,7 +100,7 @@ pub struct Leader {
 }
 
 /// Diverging lanes are clear of one another within this distance, laboratory metres.
-const FORK_REACH_M: f64 = 2.0;
+pub const FORK_REACH_M: f64 = 2.0;
 
 /// Clearance to a vehicle that is on no lane, laboratory metres: half of a vehicle's width.
 const OBSTACLE_MARGIN_M: f64 = 0.05;
@@ -154,6 +164,17 @@ impl Occupancy {
                 self.add(lane, LaneOccupant { vehicle, front_m: foot.s + reach_m, rear_m: foot.s - reach_m });
             }
         }
+    }
+
+    /// Asks for the lists of the lane at a vehicle's front bumper and the one after it.
+    pub fn fetch_lanes(&self, cav: &Cav) {
+        lanes_before(cav).for_each(|lane| prefetch_at(&self.on_lane, lane.index()));
+    }
+
+    /// Asks for what is in those lists.
+    pub fn fetch_lists(&self, cav: &Cav) {
+        let lists = lanes_before(cav).filter_map(|lane| self.on_lane.get(lane.index()));
+        lists.for_each(|list| prefetch_slice(&list[..list.len().min(FETCHED)]));
     }
 
     /// The leader within a distance of the own front bumper, including a vehicle that has just turned off and

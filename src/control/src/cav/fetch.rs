@@ -1,15 +1,31 @@
 //! What a control step reads of vehicles, asked for before their turn.
 
 use super::Cav;
+use crate::plan::HORIZON_S;
+use crate::traffic::{FORK_REACH_M, Occupancy};
 use city3d_workers::prefetch;
 
-/// Places before its turn at which a vehicle is asked for, then its route, and then the places on it: each leads to the next.
+/// Places before its turn at which a vehicle is asked for, then its route, then the places on it, what those lead to, and what is
+/// on the lanes there: each leads to the next.
 const VEHICLE_AHEAD: usize = 12;
 const ROUTE_AHEAD: usize = 8;
 const PLACES_AHEAD: usize = 4;
+const JUNCTIONS_AHEAD: usize = 2;
+const TRAFFIC_AHEAD: usize = 1;
 
-/// Asks for what vehicles soon after this place read in a control step, with the speed profile on the way of some seconds.
-pub(crate) fn fetch_ahead(cavs: &[Cav], place: usize, way_s: f64) {
+/// What a part of a control step reads of vehicles.
+#[derive(Clone, Copy)]
+pub(crate) enum Reads<'o> {
+    /// Where they are, and the junctions there.
+    Junctions,
+    /// The same, and who is on the lanes there.
+    Traffic(&'o Occupancy),
+    /// Their way of the next seconds.
+    Way,
+}
+
+/// Asks for what vehicles soon after this place read.
+pub(crate) fn fetch_ahead(cavs: &[Cav], place: usize, reads: Reads<'_>) {
     // At the first place also for those in between.
     let coming = |ahead| {
         let first = if place == 0 { 0 } else { place + ahead };
@@ -17,7 +33,19 @@ pub(crate) fn fetch_ahead(cavs: &[Cav], place: usize, way_s: f64) {
     };
     coming(VEHICLE_AHEAD).for_each(prefetch);
     coming(ROUTE_AHEAD).for_each(Cav::fetch_route);
-    coming(PLACES_AHEAD).for_each(|cav| cav.fetch_places(way_s));
+    coming(PLACES_AHEAD).for_each(|cav| cav.fetch_places(reads));
+    match reads {
+        Reads::Junctions => coming(JUNCTIONS_AHEAD).for_each(Cav::fetch_junctions),
+        Reads::Traffic(occupancy) => {
+            coming(JUNCTIONS_AHEAD).for_each(|cav| {
+                cav.fetch_junctions();
+                cav.fetch_forks();
+                occupancy.fetch_lanes(cav);
+            });
+            coming(TRAFFIC_AHEAD).for_each(|cav| occupancy.fetch_lists(cav));
+        }
+        Reads::Way => {}
+    }
 }
 
 impl Cav {
@@ -26,7 +54,22 @@ impl Cav {
         self.passage.admissions.first().into_iter().for_each(prefetch);
     }
 
-    fn fetch_places(&self, way_s: f64) {
-        self.route.fetch(self.axle_s, self.speed_mps * way_s, self.lane_index, self.passage.next_section);
+    fn fetch_places(&self, reads: Reads<'_>) {
+        let way_s = if matches!(reads, Reads::Way) { HORIZON_S } else { 0.0 };
+        self.route.fetch(self.axle_s, self.speed_mps * way_s, self.lane_index);
+        if !matches!(reads, Reads::Way) {
+            self.route.fetch_sections(self.passage.first_section(), self.passage.next_section);
+        }
+        if matches!(reads, Reads::Traffic(_)) {
+            self.route.fetch_place(self.axle_s - FORK_REACH_M);
+        }
+    }
+
+    fn fetch_junctions(&self) {
+        self.route.fetch_crossings(self.passage.first_section());
+    }
+
+    fn fetch_forks(&self) {
+        self.route.fetch_forks(self.front_s() - FORK_REACH_M);
     }
 }

@@ -3,7 +3,9 @@
 use super::{RightOfWay, asking_distance};
 use crate::route::{RANK_MAJOR, Rank};
 use crate::signals::Signals;
+use crate::traffic::{Leader, Occupancy};
 use crate::{Cav, STANDS_MPS};
+use city3d_roadmap::LaneId;
 use std::cmp::Ordering;
 
 /// A vehicle that requests admission.
@@ -14,9 +16,21 @@ pub(super) struct Candidate {
     pub standing_since_s: f64,
     pub distance: f64,
     pub vehicle: usize,
+    /// The lane that it leaves the section on.
+    pub exit: LaneId,
+    /// The vehicle that it follows up to the end of the section.
+    pub leader: Option<Leader>,
 }
 
 impl Candidate {
+    /// Looks at the way through the section.
+    pub fn look_ahead(&mut self, cavs: &[Cav], occupancy: &Occupancy) {
+        let cav = &cavs[self.vehicle];
+        self.exit = cav.exit_lane_of(cav.passage.next_section);
+        let within_m = (cav.route.sections[cav.passage.next_section].to_s - cav.front_s()).max(0.0);
+        self.leader = occupancy.leader(cavs, self.vehicle, within_m);
+    }
+
     /// Order: rank, then longest standing, then nearest.
     pub fn before(&self, other: &Self) -> Ordering {
         self.rank
@@ -28,15 +42,13 @@ impl Candidate {
 }
 
 impl RightOfWay {
-    /// A vehicle that requests admission now.
+    /// The request of a vehicle that asks for admission now; [`Candidate::look_ahead`] completes it.
     pub(super) fn candidate(
         &self,
         now_s: f64,
-        vehicle: usize,
-        cavs: &[Cav],
+        (vehicle, cav): (usize, &Cav),
         signals: &Signals,
     ) -> Option<Candidate> {
-        let cav = &cavs[vehicle];
         // Lost vehicles are stopped and request nothing.
         if !cav.is_on_route() || cav.is_lost() {
             return None;
@@ -51,7 +63,7 @@ impl RightOfWay {
         let has_priority = cav.coordinated_plan().is_some() || self.is_impatient(now_s, cav, green_since_s);
         let rank = if has_priority { RANK_MAJOR } else { section.rank };
         let standing_since_s = cav.passage.standing_since_s.unwrap_or(f64::INFINITY);
-        Some(Candidate { rank, standing_since_s, distance, vehicle })
+        Some(Candidate { rank, standing_since_s, distance, vehicle, exit: LaneId(0), leader: None })
     }
 
     /// At a signal only time on green counts, and a green that was missed.

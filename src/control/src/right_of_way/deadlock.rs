@@ -4,22 +4,31 @@
 //! them: after the control framework was away, or because of a person.
 
 use super::inside::Inside;
+use super::presence::Present;
 use super::{ConstraintKind, RightOfWay, YieldConstraint};
 use crate::Cav;
 use crate::traffic::Occupancy;
 use city3d_roadmap::LabMap;
+use city3d_workers::Workers;
+use std::collections::{BTreeMap, BTreeSet};
 
 /// Who stands this long may be in a deadlock.
 const STANDS_FOR_S: f64 = 3.0;
 /// Who stands for a vehicle or at a place is closer to it than this.
 const STANDS_BEFORE_M: f64 = 0.3;
 
-/// A vehicle that another one waits for.
-#[derive(Clone, Copy, Debug, PartialEq)]
-struct Wait {
-    vehicle: usize,
-    /// Waits because of its number, not because of its body.
-    by_number: bool,
+/// Whether a vehicle stands so long that it may be in a deadlock.
+pub(super) fn stands_long(now_s: f64, cav: &Cav) -> bool {
+    cav.is_on_route() && cav.passage.stood_for_s(now_s) > STANDS_FOR_S && !cav.is_lost()
+}
+
+/// What vehicles wait for each other by.
+#[derive(Clone, Copy)]
+struct Standstill<'s> {
+    now_s: f64,
+    map: &'s LabMap,
+    cavs: &'s [Cav],
+    occupancy: &'s Occupancy,
 }
 
 impl RightOfWay {
@@ -30,41 +39,73 @@ impl RightOfWay {
         map: &LabMap,
         cavs: &mut [Cav],
         occupancy: &Occupancy,
+        (present, workers): (&Present, &Workers),
     ) {
-        let stands = |cav: &Cav| cav.passage.stood_for_s(now_s) > STANDS_FOR_S && !cav.is_lost();
-        let standing: Vec<usize> = (0..cavs.len())
-            .filter(|vehicle| cavs[*vehicle].is_on_route() && stands(&cavs[*vehicle]))
-            .collect();
-        if standing.len() < 2 {
-            return;
-        }
-        let mut waits = vec![Vec::new(); cavs.len()];
-        for vehicle in &standing {
-            waits[*vehicle] = self.waits_of(map, *vehicle, cavs, occupancy);
-        }
-        for vehicle in standing {
-            let is_kept_by_number = waits[vehicle].iter().any(|wait| wait.by_number);
-            if is_kept_by_number && is_in_cycle(vehicle, &waits) && has_free_way(map, vehicle, cavs) {
-                self.goes_first(vehicle, cavs);
-                return;
-            }
+        let around = Standstill { now_s, map, cavs, occupancy };
+        // Those that were admitted in this step, too.
+        let inside = present.inside.iter().map(|(vehicle, _)| *vehicle);
+        let standing = present.standing.iter().copied();
+        let standing = standing.chain(inside.filter(|vehicle| stands_long(now_s, &cavs[*vehicle])));
+        let mut kept: Vec<(usize, bool)> = standing.map(|vehicle| (vehicle, false)).collect();
+        workers.each(&mut kept, |_, (vehicle, is_kept)| {
+            *is_kept = !self.waited_for_by_number(around, *vehicle).is_empty();
+        });
+        kept.retain(|(_, is_kept)| *is_kept);
+        kept.sort_unstable();
+        kept.dedup();
+        let mut waits = BTreeMap::new();
+        let found = kept.into_iter().map(|(vehicle, _)| vehicle).find(|vehicle| {
+            self.is_in_cycle(around, *vehicle, &mut waits) && has_free_way(map, *vehicle, cavs)
+        });
+        if let Some(vehicle) = found {
+            self.goes_first(vehicle, cavs);
         }
     }
 
-    /// The vehicles that a standing vehicle waits for.
-    fn waits_of(&self, map: &LabMap, vehicle: usize, cavs: &[Cav], occupancy: &Occupancy) -> Vec<Wait> {
+    /// Whether a vehicle waits for others that wait for it. `waits` has those looked at before.
+    fn is_in_cycle(
+        &self,
+        around: Standstill<'_>,
+        vehicle: usize,
+        waits: &mut BTreeMap<usize, Vec<usize>>,
+    ) -> bool {
+        let mut seen = BTreeSet::new();
+        let mut open = vec![vehicle];
+        while let Some(next) = open.pop() {
+            let others = waits.entry(next).or_insert_with(|| self.waited_for(around, next));
+            if others.contains(&vehicle) {
+                return true;
+            }
+            open.extend(others.iter().filter(|other| seen.insert(**other)));
+        }
+        false
+    }
+
+    /// The vehicles that a vehicle waits for: none where it does not stand.
+    fn waited_for(&self, around: Standstill<'_>, vehicle: usize) -> Vec<usize> {
+        let Standstill { now_s, cavs, occupancy, .. } = around;
+        if !stands_long(now_s, &cavs[vehicle]) {
+            return Vec::new();
+        }
+        let mut others = self.waited_for_by_number(around, vehicle);
+        others.extend(occupancy.leader(cavs, vehicle, STANDS_BEFORE_M).map(|leader| leader.vehicle));
+        others
+    }
+
+    /// The vehicles that a standing vehicle waits for because of its number, not because of their bodies.
+    fn waited_for_by_number(
+        &self,
+        Standstill { map, cavs, .. }: Standstill<'_>,
+        vehicle: usize,
+    ) -> Vec<usize> {
         let mut constraints = Vec::new();
         self.yield_constraints(map, vehicle, cavs, &mut constraints);
         let is_near = |constraint: &YieldConstraint| match constraint.kind {
             ConstraintKind::Stop { gap_m } => gap_m < STANDS_BEFORE_M,
             ConstraintKind::Merging { leader, wait_gap_m } => leader.gap_m.max(wait_gap_m) < STANDS_BEFORE_M,
         };
-        let by_number = constraints
-            .iter()
-            .filter(|constraint| is_near(constraint))
-            .filter_map(|constraint| Some(Wait { vehicle: constraint.other?, by_number: true }));
-        let leader = occupancy.leader(cavs, vehicle, STANDS_BEFORE_M);
-        by_number.chain(leader.map(|leader| Wait { vehicle: leader.vehicle, by_number: false })).collect()
+        let near = constraints.iter().filter(|constraint| is_near(constraint));
+        near.filter_map(|constraint| constraint.other).collect()
     }
 
     /// Numbers the admissions of a vehicle before those of all others.
@@ -78,23 +119,6 @@ impl RightOfWay {
             user.order = cavs[vehicle].order_of(user.section);
         }
     }
-}
-
-/// Whether a vehicle waits for others that wait for it.
-fn is_in_cycle(vehicle: usize, waits: &[Vec<Wait>]) -> bool {
-    let mut seen = vec![false; waits.len()];
-    let mut open = vec![vehicle];
-    while let Some(next) = open.pop() {
-        for wait in &waits[next] {
-            if wait.vehicle == vehicle {
-                return true;
-            }
-            if !std::mem::replace(&mut seen[wait.vehicle], true) {
-                open.push(wait.vehicle);
-            }
-        }
-    }
-    false
 }
 
 /// Whether no body is in the way of a vehicle up to the end of the section that it is in.
