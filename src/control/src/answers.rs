@@ -12,7 +12,7 @@ use super::strangers::Strangers;
 use super::traffic::Occupancy;
 use super::{Cav, SIGHT_M, plan};
 use city3d_geometry::Lab;
-use city3d_protocol::snapshot::{DecisionReason, Trajectory};
+use city3d_protocol::snapshot::{DecisionReason, Trajectory, TrajectoryPoint};
 use city3d_roadmap::LabMap;
 
 /// What a vehicle decides from.
@@ -50,6 +50,8 @@ pub(super) struct Answer {
     decided: Option<Decided>,
     is_applied: bool,
     trajectory: Option<Trajectory<Lab>>,
+    /// Space for points.
+    pub points: Vec<TrajectoryPoint<Lab>>,
 }
 
 impl Surroundings<'_> {
@@ -116,6 +118,7 @@ impl Answer {
             decided: is_alone.then(|| around.vehicle_decides(index, now_s, heeded)),
             is_applied: false,
             trajectory: None,
+            points: Vec::new(),
         };
     }
 
@@ -134,12 +137,13 @@ impl Answer {
         if let Some(decided) = self.decided.filter(|_| !self.is_applied) {
             decided.apply(cav, time_s, dt_s);
         }
+        let points = std::mem::take(&mut self.points);
         self.trajectory = if cav.is_on_route() {
-            Some(plan::trajectory(map, cav, time_s))
+            Some(plan::trajectory(map, cav, time_s, points))
         } else if cav.is_seen() {
             // No route leads on from there.
             cav.limit = Limit::of(DecisionReason::OffRoute);
-            Some(plan::stop_straight(cav, time_s))
+            Some(plan::stop_straight(cav, time_s, points))
         } else {
             None
         };

@@ -47,7 +47,8 @@ pub use signals::{
 use advance::VehicleGroup;
 use answers::{Answer, Heeded, Surroundings};
 use cav::{Reads, fetch_ahead};
-use city3d_protocol::snapshot::VehicleId;
+use city3d_geometry::Lab;
+use city3d_protocol::snapshot::{TrajectoryPoint, VehicleId};
 use city3d_protocol::wire::{Measurement, Message};
 use city3d_roadmap::{LabMap, LaneIndex};
 use city3d_workers::Workers;
@@ -107,6 +108,8 @@ pub struct Mainframe {
     heeded: Heeded,
     /// By vehicle; a buffer.
     answers: Vec<Answer>,
+    /// Empty lists for the points of coming trajectories.
+    spare: Vec<Vec<TrajectoryPoint<Lab>>>,
     /// Safety filter of planned accelerations, with its counts.
     safety_filter: SafetyFilter,
     /// Vehicles that somebody else controls.
@@ -167,6 +170,7 @@ impl Mainframe {
             groups: Vec::new(),
             heeded: Heeded::default(),
             answers: Vec::new(),
+            spare: Vec::new(),
             safety_filter: SafetyFilter::default(),
             strangers: Strangers::default(),
             algorithms,
@@ -268,6 +272,11 @@ impl Mainframe {
         self.answer(time_s, dt_s, messages);
     }
 
+    /// Takes empty lists for the points of the trajectories of the next step; without them it makes its own.
+    pub fn reuse(&mut self, spare: impl Iterator<Item = Vec<TrajectoryPoint<Lab>>>) {
+        self.spare.extend(spare);
+    }
+
     /// Lets the vehicles decide, and adds the messages to them.
     fn answer(&mut self, time_s: f64, dt_s: f64, messages: &mut Vec<Message>) {
         let mut answers = std::mem::take(&mut self.answers);
@@ -281,6 +290,9 @@ impl Mainframe {
             self.decide_in_order((time_s, dt_s), &mut answers);
         }
         let map = &*self.map;
+        for (answer, points) in answers.iter_mut().zip(self.spare.drain(..)) {
+            answer.points = points;
+        }
         self.workers.each_group_of_two((&mut self.cavs, &mut answers), |cavs, answers| {
             for (k, answer) in answers.iter_mut().enumerate() {
                 fetch_ahead(cavs, k, Reads::Way);

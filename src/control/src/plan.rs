@@ -5,7 +5,6 @@ use super::{Cav, turn_of};
 use city3d_geometry::lab::Pose2;
 use city3d_geometry::{Lab, trig};
 use city3d_protocol::snapshot::{Indicator, Trajectory, TrajectoryPoint};
-use city3d_protocol::wire::empty_trajectory;
 use city3d_roadmap::{LabMap, LaneKind};
 
 /// Waypoint times after now. At any permitted speed the distance covered by the last one exceeds the stopping
@@ -21,10 +20,16 @@ const INDICATE_M: f64 = 1.0;
 const TURN_RAD: f64 = 0.7;
 
 /// The trajectory of a vehicle from now on, with its indicators.
-pub fn trajectory(map: &LabMap, cav: &mut Cav, now_s: f64) -> Trajectory<Lab> {
+pub fn trajectory(
+    map: &LabMap,
+    cav: &mut Cav,
+    now_s: f64,
+    points: Vec<TrajectoryPoint<Lab>>,
+) -> Trajectory<Lab> {
     cav.sequence = cav.sequence.wrapping_add(1);
     cav.indicator = indicator(map, cav);
-    let mut trajectory = empty_trajectory(cav.id, cav.sequence, OFFSETS_S.len());
+    let mut trajectory =
+        Trajectory { vehicle: cav.id, sequence: cav.sequence, points, ..Trajectory::default() };
     trajectory.yielding = matches!(cav.yielding, Yielding::At { .. });
     cav.note_arrival();
     trajectory.finished = cav.is_finished();
@@ -65,10 +70,11 @@ pub fn trajectory(map: &LabMap, cav: &mut Cav, now_s: f64) -> Trajectory<Lab> {
 }
 
 /// Trajectory for a vehicle on no lane: straight on to a stop, with hazard lights.
-pub fn stop_straight(cav: &mut Cav, now_s: f64) -> Trajectory<Lab> {
+pub fn stop_straight(cav: &mut Cav, now_s: f64, points: Vec<TrajectoryPoint<Lab>>) -> Trajectory<Lab> {
     cav.sequence = cav.sequence.wrapping_add(1);
     cav.indicator = Indicator::Hazard;
-    let mut trajectory = empty_trajectory(cav.id, cav.sequence, OFFSETS_S.len());
+    let mut trajectory =
+        Trajectory { vehicle: cav.id, sequence: cav.sequence, points, ..Trajectory::default() };
     trajectory.indicator = cav.indicator;
     let axle = cav.pose.point_at(cav.body.front_axle_m(), 0.0);
     let before_mps = if cav.heading_mps > super::STANDS_MPS { cav.heading_mps } else { 0.0 };

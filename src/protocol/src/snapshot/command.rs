@@ -58,6 +58,16 @@ impl<F: Frame> Trajectory<F> {
     }
 }
 
+impl Trajectory<City> {
+    /// Its list of points, emptied, for a trajectory to come: what one thread allocates and another frees costs both.
+    pub fn into_spare(self) -> Vec<TrajectoryPoint<Lab>> {
+        let mut points = self.points;
+        points.clear();
+        // The frames have the same layout, so that `collect` takes the space over.
+        points.into_iter().map(|_| TrajectoryPoint::default()).collect()
+    }
+}
+
 impl Trajectory<Lab> {
     /// The same motion in the city.
     pub fn into_city(self, scale: LengthScale) -> Trajectory<City> {

@@ -35,7 +35,7 @@ pub use setup::{MAX_NAME_BYTES, MAX_PARAMETERS, MAX_TORQUE_POINTS, PERSON, Vehic
 pub use trajectories::{MAX_POINTS, MAX_TRAJECTORIES, pack};
 
 use crate::snapshot::{
-    FrameSnapshot, Indicator, MeasuredPose, SignalAspects, SimCommand, Trajectory, VehicleId, VehicleState,
+    FrameSnapshot, MeasuredPose, SignalAspects, SimCommand, Trajectory, VehicleId, VehicleState,
 };
 use city3d_geometry::{Lab, LengthScale, Pose2};
 use glam::{DQuat, DVec3};
@@ -141,18 +141,6 @@ impl Message {
     }
 }
 
-/// A trajectory without points, for a controller to fill.
-pub fn empty_trajectory(vehicle: VehicleId, sequence: u32, capacity: usize) -> Trajectory<Lab> {
-    Trajectory {
-        vehicle,
-        sequence,
-        points: Vec::with_capacity(capacity),
-        yielding: false,
-        finished: false,
-        indicator: Indicator::Off,
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -169,5 +157,14 @@ mod tests {
         assert_eq!(city.points[0].time_s, 3.5);
         assert_eq!(city.points[0].pose, Pose2::new(25.0, -50.0, 0.4));
         assert!((city.points[0].speed_mps - 8.75).abs() < 1e-12);
+    }
+
+    #[test]
+    fn the_points_of_an_applied_command_are_space_for_others() {
+        let lab = Trajectory { points: vec![TrajectoryPoint::default(); 13], ..Trajectory::default() };
+        let first = lab.points.as_ptr().addr();
+        let spare = lab.into_city(LengthScale::TESTBED).into_spare();
+        assert!(spare.is_empty());
+        assert_eq!((spare.as_ptr().addr(), spare.capacity()), (first, 13), "no allocation");
     }
 }

@@ -5,7 +5,7 @@ use crate::demand::Demand;
 use crate::environment::Environment;
 use crate::scenario::{Experiment, PlannedVehicle};
 use city3d_control::{Mainframe, SetupError};
-use city3d_protocol::snapshot::VehicleId;
+use city3d_protocol::snapshot::{SimCommand, VehicleId};
 use city3d_protocol::wire::{Measurement, Message};
 use std::collections::BTreeSet;
 use std::sync::Arc;
@@ -84,6 +84,14 @@ impl ControlLoop {
             |message: &mut Message| message.vehicle().is_none_or(|vehicle| self.physical.contains(&vehicle));
         delivered.extend(self.messages.extract_if(.., is_direct));
         self.environment.command(time_s, self.messages.drain(..), delivered);
+    }
+
+    /// Takes back commands that have been applied, for the space of their points.
+    pub fn reuse(&mut self, applied: impl Iterator<Item = SimCommand>) {
+        self.mainframe.reuse(applied.filter_map(|command| match command {
+            SimCommand::Follow(trajectory) => Some(trajectory.into_spare()),
+            _ => None,
+        }));
     }
 
     /// The vehicles that enter the city with the present tick, each at its entry and with its entry speed.

@@ -34,8 +34,12 @@ use crate::testbed::{ExperimentClock, Testbed};
 use city3d_control::{Mainframe, SetupError};
 use city3d_protocol::snapshot::{FrameSnapshot, SimCommand, Status, VehicleId};
 use city3d_protocol::wire::{Measurement, Message};
+use city3d_workers::prefetch_slice;
 use std::collections::BTreeSet;
 use std::sync::Arc;
+
+/// So many messages before its turn a message's points are asked for.
+const MESSAGES_AHEAD: usize = 4;
 
 /// One run of an experiment in lockstep.
 ///
@@ -142,9 +146,16 @@ impl Run {
 
     /// One physics step, with a control step before it when one is due.
     pub fn step(&mut self) -> &FrameSnapshot {
-        let scale = self.world.experiment().scale;
+        let experiment = Arc::clone(self.world.experiment());
+        let vehicles = self.snapshot.vehicles.len();
+        experiment.workers.at_hand(vehicles, || self.step_at_hand(&experiment));
+        &self.snapshot
+    }
+
+    fn step_at_hand(&mut self, experiment: &Experiment) {
+        let scale = experiment.scale;
         self.delivered.clear();
-        self.commands.clear();
+        self.control.reuse(self.commands.drain(..));
         let now = (self.world.tick(), self.world.time_s());
         // Motion capture measures only the visible vehicles.
         let seen = self.snapshot.vehicles.iter().filter(|state| state.status != Status::Unseen);
@@ -165,14 +176,31 @@ impl Run {
             }
             testbed.step(&mut self.measured);
         }
-        self.commands.extend(self.delivered.drain(..).map(|message| message.into_command(scale)));
-        let city_map = &self.world.experiment().city_map;
+        self.add_delivered(experiment);
+        let city_map = &experiment.city_map;
         let entering = self.control.entering().iter().map(|vehicle| vehicle.setup(city_map, scale));
         self.commands.extend(entering.map(|setup| SimCommand::Spawn(Box::new(setup))));
         self.commands.append(&mut self.injected);
         self.commands.sort_by_key(SimCommand::order);
         self.world.tick_into(&self.commands, &mut self.snapshot);
-        &self.snapshot
+    }
+
+    /// Makes the delivered messages into commands, which is a pass over all their points, on all threads.
+    fn add_delivered(&mut self, experiment: &Experiment) {
+        let Self { delivered, commands, .. } = self;
+        let first = commands.len();
+        // Both lists keep their places while the threads exchange what is in them.
+        commands.resize_with(first + delivered.len(), || SimCommand::Pause);
+        experiment.workers.each_group_of_two((delivered, &mut commands[first..]), |delivered, commands| {
+            for (k, command) in commands.iter_mut().enumerate() {
+                if let Some(Message::Follow(coming)) = delivered.get(k + MESSAGES_AHEAD) {
+                    prefetch_slice(&coming.points);
+                }
+                let taken = Message::Remove(VehicleId::default());
+                *command = std::mem::replace(&mut delivered[k], taken).into_command(experiment.scale);
+            }
+        });
+        delivered.clear();
     }
 
     /// The commands of the last step, in the order in which they were applied.
