@@ -261,7 +261,7 @@ impl RightOfWay {
         self.present = present;
     }
 
-    /// Hears the candidates in order, and admits those that may enter.
+    /// Sorts the candidates by priority, and admits those that may enter, one after the other.
     fn admit_candidates(
         &mut self,
         now_s: f64,
