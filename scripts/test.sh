@@ -5,6 +5,11 @@ set -euo pipefail
 cd "$(dirname "$0")/.."
 source scripts/setup.sh
 
+# What incremental builds keep, as large as the build itself, is of use only where somebody builds again.
+if [ "${CI:-}" = true ]; then
+    export CARGO_INCREMENTAL=0
+fi
+
 step() {
     say "$*"
     local start=$SECONDS
