@@ -8,6 +8,7 @@ use city3d_geometry::lab::Pose2;
 use city3d_geometry::{CurveProjection, Lab, trig, wrap_angle};
 use city3d_protocol::wire::Measurement;
 use city3d_roadmap::LabMap;
+use glam::DVec2;
 
 /// Search window around the expected position on the route, laboratory metres.
 const SEARCH_BEHIND_M: f64 = 0.15;
@@ -38,7 +39,7 @@ pub struct RouteEstimate {
     /// Front-axle centre from the route, left-positive.
     pub lateral_m: f64,
     /// Unit vector along the route at the front axle.
-    along: glam::DVec2,
+    along: DVec2,
     front_axle_m: f64,
 }
 
@@ -120,7 +121,7 @@ impl RouteEstimate {
         if let Some(foot) = nearest_along(map, (route, body), motion.pose) {
             (self.axle_s, self.lateral_m) = (foot.s, foot.lateral);
             self.along = route.at(map, foot.s).pose.forward();
-            self.speed_mps = self.speed_along(&motion);
+            self.speed_mps = self.speed_along(&motion, motion.pose.forward());
         }
     }
 
@@ -142,19 +143,20 @@ impl RouteEstimate {
         self.filter.update(seen.stamp_s, seen.pose_in_lab());
         self.motion = self.filter.at(seen.stamp_s);
         let motion = self.motion?;
-        let axle = motion.pose.point_at(body.front_axle_m(), 0.0);
+        let forward = motion.pose.forward();
+        let axle = motion.pose.point_towards(forward, body.front_axle_m(), 0.0);
         let foot = route.project(map, axle, earliest_s - SEARCH_BEHIND_M, expected_s + SEARCH_AHEAD_M);
         let along = route.at(map, foot.s).pose;
         self.along = along.forward();
         self.axle_s = foot.s;
-        self.speed_mps = self.speed_along(&motion);
+        self.speed_mps = self.speed_along(&motion, forward);
         (self.stamp_s, self.heard_s, self.lateral_m) = (seen.stamp_s, now_s, foot.lateral);
         Some(along.yaw_rad)
     }
 
-    /// Speed of the front axle along the route; 0 in reverse.
-    fn speed_along(&self, motion: &MotionEstimate<Lab>) -> f64 {
-        let turning = motion.pose.forward().perp() * (motion.yaw_rate_radps * self.front_axle_m);
+    /// Speed of the front axle along the route; 0 in reverse. With the unit vector of the heading.
+    fn speed_along(&self, motion: &MotionEstimate<Lab>, forward: DVec2) -> f64 {
+        let turning = forward.perp() * (motion.yaw_rate_radps * self.front_axle_m);
         (motion.velocity_mps + turning).dot(self.along).max(0.0)
     }
 

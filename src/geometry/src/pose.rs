@@ -49,7 +49,11 @@ impl<F: Frame> Pose2<F> {
 
     /// The point `ahead` metres in front of the pose and `left` metres to its left.
     pub fn point_at(&self, ahead: f64, left: f64) -> DVec2 {
-        let forward = self.forward();
+        self.point_towards(self.forward(), ahead, left)
+    }
+
+    /// [`Self::point_at`] where the [unit vector of the heading](Self::forward) is at hand: it is dear.
+    pub fn point_towards(&self, forward: DVec2, ahead: f64, left: f64) -> DVec2 {
         self.position + forward * ahead + forward.perp() * left
     }
 

@@ -2,7 +2,7 @@
 //! reference point is the middle of the rear axle.
 
 use super::chassis::{Chassis, collision_box};
-use super::wheels::{ackermann_headings, angle_of, pedal, steered};
+use super::wheels::{AckermannSteering, pedal, steered};
 use super::{Actuation, Motion, VehicleModel, VehicleSpec};
 use crate::physics::{Impetus, Physics};
 use city3d_geometry::digest::{Digest, StateHash};
@@ -52,12 +52,11 @@ impl Bicycle {
         }
     }
 
-    fn middle(&self, spec: &VehicleSpec) -> Pose2 {
-        self.rear.advanced(spec.dimensions.wheelbase_m / 2.0)
-    }
-
-    fn yaw_rate(&self, spec: &VehicleSpec, speed_mps: f64) -> f64 {
-        speed_mps * trig::tan(self.steering_rad) / spec.dimensions.wheelbase_m
+    /// The middle of its outline, and the unit vector of its heading.
+    fn middle(&self, spec: &VehicleSpec) -> (Pose2, DVec2) {
+        let forward = self.rear.forward();
+        let position = self.rear.point_towards(forward, spec.dimensions.wheelbase_m / 2.0, 0.0);
+        (Pose2::at(position, self.rear.yaw_rad), forward)
     }
 }
 
@@ -87,11 +86,12 @@ impl VehicleModel for Bicycle {
         self.acceleration_mps2 = longitudinal_force(spec, actuation, before, dt_s) / spec.mass_kg;
         self.speed_mps = before + self.acceleration_mps2 * dt_s;
         let mean = 0.5 * (before + self.speed_mps);
-        let turn = self.yaw_rate(spec, mean) * dt_s;
+        let steering = AckermannSteering::at(spec, self.steering_rad);
+        let turn = steering.yaw_rate_radps(spec, mean) * dt_s;
         let chord: Pose2 = Pose2::at(self.rear.position, self.rear.yaw_rad + turn / 2.0);
         self.rear = Pose2::at(chord.point_at(mean * dt_s, 0.0), wrap_angle(self.rear.yaw_rad + turn));
         let d = &spec.dimensions;
-        let headings = ackermann_headings(spec, self.steering_rad);
+        let headings = steering.headings;
         for (wheel, spin) in self.spins_rad.iter_mut().enumerate() {
             let side = if wheel % 2 == 0 { -d.track_m / 2.0 } else { d.track_m / 2.0 };
             let along = mean * dt_s + turn * side;
@@ -99,17 +99,18 @@ impl VehicleModel for Bicycle {
             let along = if wheel < 2 { along / headings[wheel].x } else { along };
             *spin += along / d.wheel_radius_m;
         }
-        let middle = self.middle(spec);
+        let (middle, _) = self.middle(spec);
         Some(Impetus::Pose { position: middle.position.extend(0.0), yaw_rad: middle.yaw_rad })
     }
 
     fn read_back(&mut self, _physics: &Physics, spec: &VehicleSpec, _dt_s: f64) -> Motion {
-        let middle = self.middle(spec);
-        let yaw_rate = self.yaw_rate(spec, self.speed_mps);
+        let (middle, forward) = self.middle(spec);
+        let steering = AckermannSteering::at(spec, self.steering_rad);
+        let yaw_rate = steering.yaw_rate_radps(spec, self.speed_mps);
         let sideways = yaw_rate * spec.dimensions.wheelbase_m / 2.0;
-        let velocity: DVec2 = middle.forward() * self.speed_mps + middle.left() * sideways;
+        let velocity = forward * self.speed_mps + forward.perp() * sideways;
         let (sin, cos) = trig::sin_cos(middle.yaw_rad / 2.0);
-        let steer = ackermann_headings(spec, self.steering_rad).map(angle_of);
+        let steer = steering.wheel_angles_rad();
         let wheel = |k: usize| WheelState {
             spin_rad: self.spins_rad[k],
             steer_rad: if k < 2 { steer[k] } else { 0.0 },

@@ -4,7 +4,7 @@
 //! pose to the present (dead reckoning).
 
 use super::chassis::collision_box;
-use super::wheels::{ackermann_headings, angle_of};
+use super::wheels::AckermannSteering;
 use super::{Actuation, Motion, VehicleModel, VehicleSpec};
 use crate::physics::{BodyId, Impetus, Physics};
 use city3d_estimation::{MotionEstimate, MotionFilter, NoiseModel, Odometer, PoseUpdate, StandstillChange};
@@ -181,7 +181,7 @@ impl VehicleModel for Measured {
 
     fn read_back(&mut self, _physics: &Physics, spec: &VehicleSpec, _dt_s: f64) -> Motion {
         let steering_rad = self.steering_rad(spec);
-        let steer = ackermann_headings(spec, steering_rad).map(angle_of);
+        let steer = AckermannSteering::at(spec, steering_rad).wheel_angles_rad();
         let wheel = |k: usize| WheelState {
             spin_rad: self.spins_rad[k],
             steer_rad: if k < 2 { steer[k] } else { 0.0 },

@@ -7,7 +7,7 @@
 //! follow from loads, in SI units.
 
 use super::chassis::{Chassis, collision_box};
-use super::wheels::{ackermann_headings, angle_of, pedal, steered};
+use super::wheels::{AckermannSteering, pedal, steered};
 use super::{Actuation, Drive, Motion, VehicleModel, VehicleSpec};
 use crate::physics::{BodyState, Impetus, Physics};
 use city3d_geometry::Pose2;
@@ -197,9 +197,8 @@ impl VehicleModel for RaycastCar {
     ) -> Option<Impetus> {
         let state = self.chassis.state(physics)?;
         self.steering_rad = steered(spec, self.steering_rad, actuation.steering_rad, dt_s);
-        let [left, right] = ackermann_headings(spec, self.steering_rad);
-        self.wheels[0].steer_rad = angle_of(left);
-        self.wheels[1].steer_rad = angle_of(right);
+        let steering = AckermannSteering::at(spec, self.steering_rad);
+        [self.wheels[0].steer_rad, self.wheels[1].steer_rad] = steering.wheel_angles_rad();
 
         let contacts = self.contacts(spec, &state);
         let driven = |wheel: usize| match spec.drive {
@@ -215,6 +214,7 @@ impl VehicleModel for RaycastCar {
         let brakes =
             pedal(actuation.brake) * spec.brake_force() + pedal(actuation.handbrake) * spec.handbrake_force();
 
+        let [left, right] = steering.headings;
         let headings = [left, right, DVec2::X, DVec2::X];
         let ride = ChassisStep { spec, state, dt_s, load, headings };
         let mut force = state.velocity_mps * -(spec.drag_force(1.0) * state.velocity_mps.length());

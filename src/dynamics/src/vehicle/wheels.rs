@@ -14,23 +14,39 @@ pub(super) fn steered(spec: &VehicleSpec, actual_rad: f64, desired_rad: f64, dt_
     (actual_rad + (desired.clamp(-limit, limit) - actual_rad).clamp(-step, step)).clamp(-limit, limit)
 }
 
-/// Ackermann steering: directions of the left and right front wheel, body frame, for a steering angle
-/// `axle_rad` of the axle's middle. All wheels roll about one point on the rear axle's line.
-pub(super) fn ackermann_headings(spec: &VehicleSpec, axle_rad: f64) -> [DVec2; 2] {
-    let tangent = trig::tan(axle_rad);
-    let narrowing = tangent * spec.dimensions.track_m / (2.0 * spec.dimensions.wheelbase_m);
-    [1.0 - narrowing, 1.0 + narrowing].map(|along| DVec2::new(along, tangent).normalize_or(DVec2::X))
+/// Ackermann steering: all wheels roll about one point on the rear axle's line.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct AckermannSteering {
+    /// Directions of the left and right front wheel, body frame.
+    pub headings: [DVec2; 2],
+    /// Tangent of the steering angle.
+    tangent: f64,
 }
 
-/// The angle of a direction of the body frame, left-positive.
-pub(super) fn angle_of(heading: DVec2) -> f64 {
-    trig::atan2(heading.y, heading.x)
+impl AckermannSteering {
+    /// At a steering angle of the front axle's middle.
+    pub(super) fn at(spec: &VehicleSpec, axle_rad: f64) -> Self {
+        let tangent = trig::tan(axle_rad);
+        let narrowing = tangent * spec.dimensions.track_m / (2.0 * spec.dimensions.wheelbase_m);
+        let direction = |along: f64| DVec2::new(along, tangent).normalize_or(DVec2::X);
+        Self { headings: [1.0 - narrowing, 1.0 + narrowing].map(direction), tangent }
+    }
+
+    /// The directions as angles, left-positive.
+    pub(super) fn wheel_angles_rad(&self) -> [f64; 2] {
+        self.headings.map(|heading| trig::atan2(heading.y, heading.x))
+    }
+
+    /// Of a vehicle without tyre slip, at the speed of its rear axle.
+    pub(super) fn yaw_rate_radps(&self, spec: &VehicleSpec, speed_mps: f64) -> f64 {
+        speed_mps * self.tangent / spec.dimensions.wheelbase_m
+    }
 }
 
 /// Sets wheel angles and suspension travel of a state from its steering angle and its pose on flat ground:
 /// for states that lack them, such as those of logs.
 pub fn set_wheels(spec: &VehicleSpec, state: &mut VehicleState) {
-    let [left, right] = ackermann_headings(spec, state.steering_rad).map(angle_of);
+    let [left, right] = AckermannSteering::at(spec, state.steering_rad).wheel_angles_rad();
     (state.wheels[0].steer_rad, state.wheels[1].steer_rad) = (left, right);
     if spec.model == ModelKind::Raycast {
         let lifts = raycast::lifts_m(spec, state.position, state.orientation);
@@ -64,11 +80,11 @@ mod tests {
         let spec = VehicleSpec::default();
         let d = spec.dimensions;
         for axle in [-0.7, -0.1, 0.2, 0.7] {
-            let [left, right] = ackermann_headings(&spec, axle).map(angle_of);
+            let [left, right] = AckermannSteering::at(&spec, axle).wheel_angles_rad();
             let centre = d.wheelbase_m / trig::tan(axle);
             assert!((d.wheelbase_m / trig::tan(left) + d.track_m / 2.0 - centre).abs() < 1e-9);
             assert!((d.wheelbase_m / trig::tan(right) - d.track_m / 2.0 - centre).abs() < 1e-9);
         }
-        assert_eq!(ackermann_headings(&spec, 0.0).map(angle_of), [0.0, 0.0]);
+        assert_eq!(AckermannSteering::at(&spec, 0.0).wheel_angles_rad(), [0.0, 0.0]);
     }
 }
