@@ -184,6 +184,23 @@ impl Workers {
         );
     }
 
+    /// Does two things at once, where a thread is [at hand](Self::at_hand), else one after the other.
+    pub fn both<A, B: Send>(&self, one: impl FnOnce() -> A, other: impl FnOnce() -> B + Send) -> (A, B) {
+        let is_ready = |others: &&Arc<Others>| others.ready.load(Ordering::Relaxed) > 0;
+        let pool = self.others.as_ref().filter(is_ready).and_then(|others| others.pool());
+        let Some(pool) = pool else { return (one(), other()) };
+        let (at_work, mut done) = (AtWork::default(), None);
+        let first = pool.in_place_scope(|scope| {
+            let done = &mut done;
+            let at_work = &at_work;
+            scope.spawn(move |_| at_work.during(|| *done = Some(other())));
+            let first = one();
+            at_work.await_end();
+            first
+        });
+        (first, done.expect("the scope ends after both"))
+    }
+
     /// The caller takes jobs from the front, the others from the back: in the next part of a step each finds most of what it
     /// had in its cache.
     fn share<I: DoubleEndedIterator + ExactSizeIterator + Send, B>(
@@ -340,6 +357,20 @@ mod tests {
         }
         assert_eq!(seen.len(), 2, "{seen:?}");
         assert_eq!(workers.others.as_ref().unwrap().ready.load(Ordering::Relaxed), 0);
+    }
+
+    #[test]
+    fn two_things_are_both_done_whatever_the_number_of_threads() {
+        for threads in [1, 2, 3] {
+            let workers = workers(threads);
+            let mut sum = 0;
+            let both = workers.at_hand(1000, || {
+                workers.both(|| sum += 1, || std::thread::current().name().map(str::to_owned))
+            });
+            assert_eq!((sum, both.0), (1, ()));
+            let is_on_worker = both.1.is_some_and(|name| name.starts_with("worker"));
+            assert_eq!(is_on_worker, threads > 1);
+        }
     }
 
     #[test]

@@ -13,7 +13,7 @@ use city3d_dynamics::physics::Physics;
 use city3d_geometry::digest::{Digest, StateHash};
 use city3d_protocol::snapshot::{
     Aspect, Event, EventKind, FrameSnapshot, Pedals, Setup, SignalAspects, SimCommand, Trajectory, VehicleId,
-    VehicleInfo,
+    VehicleInfo, VehicleState,
 };
 use collision::{Collisions, StaticObstacles};
 use serde::{Deserialize, Serialize};
@@ -96,23 +96,26 @@ impl ShownSignals {
 
 /// Without whether the clock runs: a world that is paused has no ticks. Without the signals: an aspect moves no
 /// vehicle, for the control framework decides who goes, and the trajectories that come of it are covered.
-impl WorldState {
-    /// Digest of the whole; `visit` has each vehicle in turn.
-    fn hash(&self, mut visit: impl FnMut(&SimVehicle)) -> u64 {
-        let mut hash = StateHash::default();
-        hash.word(self.tick);
-        for vehicle in &self.vehicles {
-            visit(vehicle);
-            vehicle.digest(&mut hash);
-            vehicle.body_state(&self.physics).digest(&mut hash);
-            // Commands that come before the first step belong to it.
-            if self.tick > 0 {
-                vehicle.digest_commands(&mut hash);
-            }
+///
+/// This is the part before the collisions, and writes the states of vehicles into a snapshot: they are read for both.
+fn describe_vehicles(
+    tick: u64,
+    (vehicles, physics): (&[SimVehicle], &Physics),
+    states: &mut Vec<VehicleState>,
+) -> StateHash {
+    states.clear();
+    let mut hash = StateHash::default();
+    hash.word(tick);
+    for vehicle in vehicles {
+        states.push(vehicle.state.clone());
+        vehicle.digest(&mut hash);
+        vehicle.body_state(physics).digest(&mut hash);
+        // Commands that come before the first step belong to it.
+        if tick > 0 {
+            vehicle.digest_commands(&mut hash);
         }
-        self.collisions.digest(&mut hash);
-        hash.finish()
     }
+    hash
 }
 
 impl World {
@@ -176,24 +179,26 @@ impl World {
     /// the clock was stopped perhaps one by one.
     pub fn tick_as_given(&mut self, commands: &[SimCommand], out: &mut FrameSnapshot) {
         let experiment = Arc::clone(&self.experiment);
-        experiment.workers.at_hand(self.state.vehicles.len(), || {
+        let hash = experiment.workers.at_hand(self.state.vehicles.len(), || {
             let trajectories = self.apply_all(commands);
             out.events.clear();
             if self.state.is_running {
                 // Events before the start belong to the first tick, also after a reset.
                 out.events.append(&mut self.state.pending);
-                self.step(&trajectories, &mut out.events);
+                self.step(&trajectories, out)
             } else {
                 self.follow_all(&trajectories);
+                self.state.describe_vehicles(&mut out.vehicles)
             }
         });
-        self.describe(out);
+        self.describe(out, hash);
     }
 
     /// The present snapshot without events.
     pub fn snapshot(&self) -> FrameSnapshot {
         let mut out = FrameSnapshot::default();
-        self.describe(&mut out);
+        let hash = self.state.describe_vehicles(&mut out.vehicles);
+        self.describe(&mut out, hash);
         out
     }
 
@@ -288,16 +293,16 @@ impl World {
         self.roster = self.state.roster(&self.experiment);
     }
 
-    fn describe(&self, out: &mut FrameSnapshot) {
+    /// Writes what a snapshot has beside its events and vehicles, whose digest is given.
+    fn describe(&self, out: &mut FrameSnapshot, mut hash: StateHash) {
         out.tick = self.state.tick;
         out.time_s = self.time_s();
         out.signals.clone_from(&self.state.signals.aspects);
         if !Arc::ptr_eq(&out.roster, &self.roster) {
             out.roster = Arc::clone(&self.roster);
         }
-        out.vehicles.clear();
-        // Copied where it is read for the digest.
-        out.state_hash = self.state.hash(|vehicle| out.vehicles.push(vehicle.state.clone()));
+        self.state.collisions.digest(&mut hash);
+        out.state_hash = hash.finish();
     }
 }
 
@@ -306,6 +311,10 @@ fn followed_trajectory(command: &SimCommand) -> Option<&Trajectory> {
 }
 
 impl WorldState {
+    fn describe_vehicles(&self, states: &mut Vec<VehicleState>) -> StateHash {
+        describe_vehicles(self.tick, (&self.vehicles, &self.physics), states)
+    }
+
     fn initial(experiment: &Experiment, solids: &StaticObstacles) -> Self {
         let mut physics = Physics::new(experiment.rates.dt_s());
         for solid in solids.iter() {

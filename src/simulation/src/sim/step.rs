@@ -5,9 +5,10 @@
 
 use super::collision::{Collisions, Place};
 use super::vehicle::SimVehicle;
-use super::{World, WorldState};
+use super::{World, WorldState, describe_vehicles};
 use city3d_dynamics::physics::{Impetus, Physics};
-use city3d_protocol::snapshot::{Event, EventKind, Trajectory};
+use city3d_geometry::digest::StateHash;
+use city3d_protocol::snapshot::{Event, EventKind, FrameSnapshot, Trajectory};
 use city3d_workers::{prefetch, prefetch_slice};
 use std::ops::Range;
 
@@ -44,8 +45,9 @@ struct StepTimes {
 }
 
 impl World {
-    /// Advances by one physics step; vehicles begin it with their trajectories, which are in the order of ids.
-    pub(super) fn step(&mut self, trajectories: &[&Trajectory], events: &mut Vec<Event>) {
+    /// Advances by one physics step; vehicles begin it with their trajectories, which are in the order of ids. Writes events and
+    /// vehicles into a snapshot, and returns the digest of the vehicles.
+    pub(super) fn step(&mut self, trajectories: &[&Trajectory], out: &mut FrameSnapshot) -> StateHash {
         let Self { experiment, state, buffers, solids, .. } = self;
         let (rates, workers) = (&experiment.rates, &experiment.workers);
         let times = StepTimes {
@@ -55,7 +57,8 @@ impl World {
             link_timeout_s: experiment.link_timeout_s,
         };
         state.tick += 1;
-        let WorldState { physics, vehicles, collisions, .. } = state;
+        let WorldState { tick, physics, vehicles, collisions, .. } = state;
+        let FrameSnapshot { events, vehicles: states, .. } = out;
         let Buffers { places, sequels, .. } = buffers;
         sequels.clear();
         sequels.resize_with(vehicles.len(), || None);
@@ -87,19 +90,32 @@ impl World {
         few.iter_mut().for_each(|(_, _, sequel)| events.append(&mut sequel.events[1]));
 
         let first = events.len();
-        collisions.find((vehicles, places), solids, times.after_s, events);
-        for event in &events[first..] {
-            for vehicle in &mut *vehicles {
-                let is_hit = matches!(event.kind, EventKind::Collision { with } if with == vehicle.state.id);
-                if is_hit || event.vehicle == vehicle.state.id {
-                    vehicle.collide();
-                }
-            }
+        // A digest is a chain of multiplications that wait for each other: it is made while collisions are looked for.
+        let ((), mut hash) = workers.both(
+            || collisions.find((vehicles, places), solids, times.after_s, events),
+            || describe_vehicles(*tick, (vehicles, physics), states),
+        );
+        let collided = &events[first..];
+        if !collided.is_empty() {
+            note_collisions(collided, vehicles);
+            hash = describe_vehicles(*tick, (vehicles, physics), states);
         }
         for (vehicle, place) in vehicles.iter_mut().zip(&*places) {
             let is_near = place.is_near || buffers.holds_all;
             if is_near != place.is_held {
                 vehicle.hold_if(is_near, physics);
+            }
+        }
+        hash
+    }
+}
+
+fn note_collisions(collided: &[Event], vehicles: &mut [SimVehicle]) {
+    for event in collided {
+        for vehicle in &mut *vehicles {
+            let is_hit = matches!(event.kind, EventKind::Collision { with } if with == vehicle.state.id);
+            if is_hit || event.vehicle == vehicle.state.id {
+                vehicle.collide();
             }
         }
     }
@@ -208,7 +224,7 @@ pub(super) fn follow_own(
 mod tests {
     use super::*;
     use crate::scenario::{Library, Overrides, read_experiment};
-    use city3d_protocol::snapshot::{FrameSnapshot, ModelKind, Pedals, SimCommand, VehicleId};
+    use city3d_protocol::snapshot::{ModelKind, Pedals, SimCommand, VehicleId};
     use std::sync::Arc;
 
     fn world(scenario: &str, model: ModelKind) -> World {
