@@ -165,7 +165,8 @@ pub struct Cav {
     /// Time of the present control step.
     now_s: f64,
     setup_speed_mps: Option<f64>,
-    estimate: Option<RouteEstimate>,
+    /// Apart from the rest, for only the beginning of a step reads it.
+    estimate: Option<Box<RouteEstimate>>,
     /// Off its route and on no lane in the direction of travel, as a person may drive.
     is_off_route: bool,
     /// It stands at the end of its route.
@@ -375,7 +376,7 @@ impl Cav {
         let first = RouteEstimate::first(map, (&self.route, self.body), now_s, seen, speed_mps);
         self.passage = RightOfWayState::default();
         self.axle_s = first.axle_s;
-        self.estimate = Some(first);
+        self.estimate = Some(Box::new(first));
         self.plan_from_estimate();
         self.skip_sections_behind();
     }

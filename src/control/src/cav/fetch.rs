@@ -16,7 +16,7 @@ const TRAFFIC_AHEAD: usize = 1;
 /// What a part of a control step reads of vehicles.
 #[derive(Clone, Copy)]
 pub(crate) enum Reads<'o> {
-    /// Where they are, and the junctions there.
+    /// Where they are, by their poses, and the junctions there.
     Junctions,
     /// The same, and who is on the lanes there.
     Traffic(&'o Occupancy),
@@ -32,7 +32,7 @@ pub(crate) fn fetch_ahead(cavs: &[Cav], place: usize, reads: Reads<'_>) {
         cavs.iter().take(place + ahead + 1).skip(first)
     };
     coming(VEHICLE_AHEAD).for_each(prefetch);
-    coming(ROUTE_AHEAD).for_each(Cav::fetch_route);
+    coming(ROUTE_AHEAD).for_each(|cav| cav.fetch_route(reads));
     coming(PLACES_AHEAD).for_each(|cav| cav.fetch_places(reads));
     match reads {
         Reads::Junctions => coming(JUNCTIONS_AHEAD).for_each(Cav::fetch_junctions),
@@ -49,8 +49,11 @@ pub(crate) fn fetch_ahead(cavs: &[Cav], place: usize, reads: Reads<'_>) {
 }
 
 impl Cav {
-    fn fetch_route(&self) {
+    fn fetch_route(&self, reads: Reads<'_>) {
         prefetch(&*self.route);
+        if let (Reads::Junctions, Some(estimate)) = (reads, &self.estimate) {
+            prefetch(&**estimate);
+        }
         self.passage.admissions.first().into_iter().for_each(prefetch);
     }
 
