@@ -2,10 +2,11 @@
 //! followed a plan in the step before; who relied on somebody that has begun or ceased to, and who hears of a decision of the
 //! same step in a platoon, decides in order.
 
-use super::cav::Yielding;
+use super::cav::{Reads, Yielding, fetch_ahead};
 use super::coordination::filter::{FilterCounts, SafetyFilter};
 use super::decision::{Decision, Obstacle, ObstacleKind, StopPlace};
 use super::limit::Limit;
+use super::plan::PlanAhead;
 use super::platooning::Platooning;
 use super::right_of_way::{ConstraintKind, RightOfWay, VehicleSet, WayLeft, YieldConstraint};
 use super::strangers::Strangers;
@@ -132,21 +133,45 @@ impl Answer {
         self.is_applied = true;
     }
 
-    /// Applies the decision, unless it has been applied in order, and makes the message.
-    pub fn finish(&mut self, map: &LabMap, cav: &mut Cav, (time_s, dt_s): (f64, f64)) {
+    /// Applies the decisions of neighbours in the list of vehicles, unless they have been applied in order, and makes the messages.
+    pub fn finish_all(map: &LabMap, cavs: &mut [Cav], answers: &mut [Self], times: (f64, f64)) {
+        for first in (0..cavs.len()).step_by(plan::SIDE_BY_SIDE) {
+            let places = first..cavs.len().min(first + plan::SIDE_BY_SIDE);
+            let mut plans: [Option<PlanAhead>; plan::SIDE_BY_SIDE] = Default::default();
+            for (place, ahead) in places.clone().zip(&mut plans) {
+                fetch_ahead(cavs, place, Reads::Way);
+                *ahead = answers[place].begin_message(map, &mut cavs[place], times);
+            }
+            PlanAhead::finish_all(map, &cavs[places.clone()], &mut plans);
+            for (answer, ahead) in answers[places].iter_mut().zip(plans) {
+                if let Some(ahead) = ahead {
+                    answer.trajectory = Some(ahead.into_trajectory());
+                }
+            }
+        }
+    }
+
+    /// Returns the plan from which a vehicle on its route is told what to do; the message to another is made.
+    fn begin_message(
+        &mut self,
+        map: &LabMap,
+        cav: &mut Cav,
+        (time_s, dt_s): (f64, f64),
+    ) -> Option<PlanAhead> {
         if let Some(decided) = self.decided.filter(|_| !self.is_applied) {
             decided.apply(cav, time_s, dt_s);
         }
         let points = std::mem::take(&mut self.points);
-        self.trajectory = if cav.is_on_route() {
-            Some(plan::trajectory(map, cav, time_s, points))
-        } else if cav.is_seen() {
+        self.trajectory = None;
+        if cav.is_on_route() {
+            return Some(PlanAhead::begin(map, cav, time_s, points));
+        }
+        if cav.is_seen() {
             // No route leads on from there.
             cav.limit = Limit::of(DecisionReason::OffRoute);
-            Some(plan::stop_straight(cav, time_s, points))
-        } else {
-            None
-        };
+            self.trajectory = Some(plan::stop_straight(cav, time_s, points));
+        }
+        None
     }
 
     /// The message, once.

@@ -294,10 +294,7 @@ impl Mainframe {
             answer.points = points;
         }
         self.workers.each_group_of_two((&mut self.cavs, &mut answers), |cavs, answers| {
-            for (k, answer) in answers.iter_mut().enumerate() {
-                fetch_ahead(cavs, k, Reads::Way);
-                answer.finish(map, &mut cavs[k], (time_s, dt_s));
-            }
+            Answer::finish_all(map, cavs, answers, (time_s, dt_s));
         });
         messages.extend((0..self.cavs.len()).filter_map(|place| {
             let trajectory = answers[self.decides_at(place)].take_trajectory();

@@ -1,6 +1,7 @@
 //! The trajectory message to a vehicle: its plan over the next seconds.
 
 use super::cav::Yielding;
+use super::route::RouteWalk;
 use super::{Cav, turn_of};
 use city3d_geometry::lab::Pose2;
 use city3d_geometry::{Lab, trig};
@@ -19,54 +20,87 @@ const INDICATE_M: f64 = 1.0;
 /// Least angle of a turn.
 const TURN_RAD: f64 = 0.7;
 
-/// The trajectory of a vehicle from now on, with its indicators.
-pub fn trajectory(
-    map: &LabMap,
-    cav: &mut Cav,
+/// So many vehicles are planned for side by side: the waypoints of one wait for one another, and those of several do not.
+pub const SIDE_BY_SIDE: usize = 4;
+
+/// A trajectory that is being made: the plan of a vehicle up to one of its waypoints.
+#[derive(Debug)]
+pub struct PlanAhead {
+    trajectory: Trajectory<Lab>,
     now_s: f64,
-    points: Vec<TrajectoryPoint<Lab>>,
-) -> Trajectory<Lab> {
-    cav.sequence = cav.sequence.wrapping_add(1);
-    cav.indicator = indicator(map, cav);
-    let mut trajectory =
-        Trajectory { vehicle: cav.id, sequence: cav.sequence, points, ..Trajectory::default() };
-    trajectory.yielding = matches!(cav.yielding, Yielding::At { .. });
-    cav.note_arrival();
-    trajectory.finished = cav.is_finished();
-    trajectory.indicator = cav.indicator;
-    let coordinated = cav.coordinated_plan().filter(|_| cav.coordination.follows_plan);
-    let planned_until_s = coordinated.map_or(f64::NEG_INFINITY, |plan| plan.end().time_s - now_s);
-    // A vehicle follows its last trajectory until the link times out: the end has to lie before the place of waiting.
-    let wait_s = cav.axle_s() + cav.wait_m;
-    let (mut s, mut speed_mps, mut last_s) = (cav.plan.axle_s, cav.plan.speed_mps, 0.0);
-    let mut at = cav.route.along(map, s);
-    for offset_s in OFFSETS_S {
-        if let Some(here) =
-            coordinated.map(|plan| plan.at(now_s + offset_s)).filter(|_| offset_s <= planned_until_s)
-        {
-            (s, speed_mps, last_s) = (here.position_m, here.speed_mps, offset_s);
-            let pose = at(s).pose;
-            trajectory.points.push(TrajectoryPoint { time_s: now_s + offset_s, pose, speed_mps });
-            continue;
+    /// Arc length at which the vehicle waits.
+    wait_s: f64,
+    /// At the last waypoint.
+    s: f64,
+    speed_mps: f64,
+    offset_s: f64,
+    walk: RouteWalk,
+}
+
+impl PlanAhead {
+    /// Begins the trajectory of a vehicle from now on, with its indicators.
+    pub fn begin(map: &LabMap, cav: &mut Cav, now_s: f64, points: Vec<TrajectoryPoint<Lab>>) -> Self {
+        cav.sequence = cav.sequence.wrapping_add(1);
+        cav.indicator = indicator(map, cav);
+        let mut trajectory =
+            Trajectory { vehicle: cav.id, sequence: cav.sequence, points, ..Trajectory::default() };
+        trajectory.yielding = matches!(cav.yielding, Yielding::At { .. });
+        cav.note_arrival();
+        trajectory.finished = cav.is_finished();
+        trajectory.indicator = cav.indicator;
+        // A vehicle follows its last trajectory until the link times out: the end has to lie before the place of waiting.
+        let wait_s = cav.axle_s() + cav.wait_m;
+        let (s, speed_mps) = (cav.plan.axle_s, cav.plan.speed_mps);
+        Self { trajectory, now_s, wait_s, s, speed_mps, offset_s: 0.0, walk: cav.route.walk(s) }
+    }
+
+    /// Makes the trajectories of several vehicles.
+    pub fn finish_all(map: &LabMap, cavs: &[Cav], plans: &mut [Option<Self>]) {
+        for offset_s in OFFSETS_S {
+            for (plan, cav) in plans.iter_mut().zip(cavs) {
+                if let Some(plan) = plan {
+                    plan.add_waypoint(map, cav, offset_s);
+                }
+            }
         }
-        let dt_s = offset_s - last_s;
-        let u = if coordinated.is_some() { 0.0 } else { cav.plan.acceleration_mps2 };
-        let u = if u > 0.0 && last_s >= ACCELERATION_LASTS_S { 0.0 } else { u };
+    }
+
+    /// The trajectory up to the last waypoint.
+    pub fn into_trajectory(self) -> Trajectory<Lab> {
+        self.trajectory
+    }
+
+    fn add_waypoint(&mut self, map: &LabMap, cav: &Cav, offset_s: f64) {
+        let coordinated = cav.coordinated_plan().filter(|_| cav.coordination.follows_plan);
+        match coordinated {
+            Some(plan) if offset_s <= plan.end().time_s - self.now_s => {
+                let here = plan.at(self.now_s + offset_s);
+                (self.s, self.speed_mps) = (here.position_m, here.speed_mps);
+            }
+            Some(_) => self.accelerate(cav, 0.0, offset_s),
+            None => self.accelerate(cav, cav.plan.acceleration_mps2, offset_s),
+        }
+        self.offset_s = offset_s;
+        let pose = self.walk.at(map, &cav.route, self.s).pose;
+        let time_s = self.now_s + offset_s;
+        self.trajectory.points.push(TrajectoryPoint { time_s, pose, speed_mps: self.speed_mps });
+    }
+
+    fn accelerate(&mut self, cav: &Cav, u: f64, offset_s: f64) {
+        let (s, speed_mps, dt_s) = (self.s, self.speed_mps, offset_s - self.offset_s);
+        let u = if u > 0.0 && self.offset_s >= ACCELERATION_LASTS_S { 0.0 } else { u };
         let wanted_mps = (speed_mps + u * dt_s).max(0.0);
         // A bend that comes too soon is entered too fast: no plan brakes harder than u_min.
         let lowest_mps = (speed_mps + cav.driver.min_acceleration_mps2 * dt_s).max(0.0);
         let allowed_mps = cav.route.speed_at(s + speed_mps * dt_s).min(cav.driver.stopping_speed(
-            wait_s - s,
+            self.wait_s - s,
             speed_mps,
             dt_s,
         ));
         let next_mps = wanted_mps.min(allowed_mps.max(lowest_mps));
-        s += (speed_mps + next_mps) / 2.0 * dt_s;
-        (speed_mps, last_s) = (next_mps, offset_s);
-        let pose = at(s).pose;
-        trajectory.points.push(TrajectoryPoint { time_s: now_s + offset_s, pose, speed_mps });
+        self.s += (speed_mps + next_mps) / 2.0 * dt_s;
+        self.speed_mps = next_mps;
     }
-    trajectory
 }
 
 /// Trajectory for a vehicle on no lane: straight on to a stop, with hazard lights.

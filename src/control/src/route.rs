@@ -234,13 +234,9 @@ impl Route {
         map.lane(self.lanes[index]).curve.at(s - self.stations[index])
     }
 
-    /// The points at arc lengths that do not decrease: cheaper than [`Route::at`] for each.
-    pub fn along<'a>(&'a self, map: &'a LabMap, from_s: f64) -> impl FnMut(f64) -> CurvePoint + 'a {
-        let mut index = self.index_at(from_s);
-        move |s| {
-            index = self.index_from(index, s);
-            map.lane(self.lanes[index]).curve.at(s - self.stations[index])
-        }
+    /// A walk along the route from an arc length on.
+    pub fn walk(&self, from_s: f64) -> RouteWalk {
+        RouteWalk { index: self.index_at(from_s) }
     }
 
     /// The nearest point between two arc lengths.
@@ -444,6 +440,21 @@ struct SpeedProfile {
 const PROFILE_STEP_M: f64 = 0.02;
 /// Share of u_min for braking before bends: tracking keeps a reserve.
 const BEND_BRAKING: f64 = 0.6;
+
+/// A walk along a route: its points at arc lengths that do not decrease, cheaper than [`Route::at`] for each.
+#[derive(Clone, Copy, Debug)]
+pub struct RouteWalk {
+    /// Of the lane where it is.
+    index: usize,
+}
+
+impl RouteWalk {
+    /// The point at an arc length of the route, no less than the one before.
+    pub fn at(&mut self, map: &LabMap, route: &Route, s: f64) -> CurvePoint {
+        self.index = route.index_from(self.index, s);
+        map.lane(route.lanes[self.index]).curve.at(s - route.stations[self.index])
+    }
+}
 
 impl SpeedProfile {
     fn new(map: &LabMap, route: &Route, body: CavGeometry, driver: &DriverParams) -> Self {
