@@ -58,7 +58,7 @@ impl Mainframe {
             group.under.clear();
             group.presence.clear();
             for k in 0..cavs.len() {
-                fetch_ahead(cavs, k, Reads::Junctions);
+                fetch_ahead(cavs, k, Reads::Junctions(map));
                 let (vehicle, cav) = (first + k, &mut cavs[k]);
                 if let Some(seen) = in_order.as_ref().and_then(|arrived| arrived.of_vehicle(vehicle, cav.id))
                 {

@@ -84,7 +84,7 @@ impl Surroundings<'_> {
                 Some(platoon) => (ObstacleKind::Predecessor(leader.ahead, platoon), DecisionReason::Platoon),
                 None => (ObstacleKind::Leader(leader.ahead), DecisionReason::Leader),
             };
-            let limit = Limit::behind(reason, Some(self.cavs[leader.vehicle].id), leader.ahead.gap_m);
+            let limit = Limit::behind(reason, Some(leader.id), leader.ahead.gap_m);
             ahead.push(Obstacle { kind, gives_way_at: None, limit });
         }
         ahead.extend(self.strangers.leader(cav, SIGHT_M).map(|stranger| {
@@ -139,7 +139,7 @@ impl Answer {
             let places = first..cavs.len().min(first + plan::SIDE_BY_SIDE);
             let mut plans: [Option<PlanAhead>; plan::SIDE_BY_SIDE] = Default::default();
             for (place, ahead) in places.clone().zip(&mut plans) {
-                fetch_ahead(cavs, place, Reads::Way);
+                fetch_ahead(cavs, place, Reads::Way(map));
                 *ahead = answers[place].begin_message(map, &mut cavs[place], times);
             }
             PlanAhead::finish_all(map, &cavs[places.clone()], &mut plans);

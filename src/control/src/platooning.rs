@@ -53,7 +53,7 @@ impl Platooning {
                 let stranger = strangers.leader(cav, within_m);
                 stranger.is_none_or(|stranger| stranger.gap_m > leader.ahead.gap_m)
             });
-            let ahead = ahead.map(|leader| (cavs[leader.vehicle].id, leader.ahead.gap_m));
+            let ahead = ahead.map(|leader| (leader.id, leader.ahead.gap_m));
             self.candidates.push(Candidate { vehicle: cav.id, may_join, ahead });
         }
         self.platoons.update(time_s, &self.candidates);

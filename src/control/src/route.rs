@@ -87,6 +87,8 @@ pub struct Route {
     lanes: Vec<LaneId>,
     /// Arc length at the start of each lane, and the whole length at the end.
     stations: Vec<f64>,
+    /// That whole length: it is asked for more often than the list is at hand.
+    length_m: f64,
     /// At every [`PLACE_STEP_M`] of the route, for look-up.
     places: Vec<RoutePlace>,
     /// Merges and crossings on the route, by where they begin.
@@ -135,6 +137,7 @@ impl Route {
         let mut route = Self {
             places: places(&stations),
             lanes: lanes.to_vec(),
+            length_m: stations[lanes.len()],
             stations,
             crossings: Vec::new(),
             sections: Vec::new(),
@@ -157,7 +160,7 @@ impl Route {
 
     /// Length of all its lanes, laboratory metres.
     pub fn length(&self) -> f64 {
-        self.stations[self.lanes.len()]
+        self.length_m
     }
 
     /// Arc length at which the lane at `index` begins.

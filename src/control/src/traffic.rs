@@ -1,6 +1,7 @@
 //! Lane occupancy and leaders on the lane graph.
 
 use super::{Cav, LeaderState};
+use city3d_protocol::snapshot::VehicleId;
 use city3d_roadmap::{LabMap, LaneId, LaneIndex};
 use city3d_workers::{prefetch_at, prefetch_slice};
 
@@ -8,9 +9,19 @@ use city3d_workers::{prefetch_at, prefetch_slice};
 /// end is listed on both lanes, with arc lengths beyond their ends.
 #[derive(Clone, Copy, Debug)]
 struct LaneOccupant {
-    vehicle: usize,
     front_m: f64,
     rear_m: f64,
+    known: Occupant,
+}
+
+/// What others need to know of a vehicle: the vehicle itself is elsewhere in memory.
+#[derive(Clone, Copy, Debug, Default)]
+struct Occupant {
+    /// Index in the list of vehicles.
+    vehicle: u32,
+    id: VehicleId,
+    /// That followers may rely on.
+    speed_mps: f64,
 }
 
 /// The vehicles on each lane, rebuilt each control step.
@@ -26,6 +37,8 @@ pub struct Occupancy {
 pub struct LanesUnder {
     is_seen: bool,
     is_on_route: bool,
+    id: VehicleId,
+    speed_mps: f64,
     front_s: f64,
     rear_s: f64,
     /// Hangs over the beginning or the end of its route.
@@ -42,6 +55,8 @@ impl Default for LanesUnder {
         Self {
             is_seen: false,
             is_on_route: false,
+            id: VehicleId::default(),
+            speed_mps: 0.0,
             front_s: 0.0,
             rear_s: 0.0,
             hangs_over: false,
@@ -57,6 +72,8 @@ impl LanesUnder {
         let mut under = Self {
             is_seen: cav.is_seen(),
             is_on_route: cav.is_on_route(),
+            id: cav.id,
+            speed_mps: cav.speed_along_mps(),
             front_s: cav.front_s(),
             rear_s: cav.rear_s(),
             hangs_over: cav.rear_s() < 0.0 || cav.front_s() > cav.route.length(),
@@ -93,6 +110,8 @@ const FETCHED: usize = 16;
 pub struct Leader {
     /// Index in the list of vehicles.
     pub vehicle: usize,
+    /// Its id.
+    pub id: VehicleId,
     /// Its rear bumper along the own route.
     pub rear_s: f64,
     /// Its gap and speed for the driver model.
@@ -117,30 +136,31 @@ impl Occupancy {
         self.on_lane.iter_mut().for_each(Vec::clear);
         self.least_rear_m = 0.0;
         for (vehicle, under) in under.enumerate().filter(|(_, under)| under.is_seen) {
+            let known = Occupant { vehicle: vehicle as u32, id: under.id, speed_mps: under.speed_mps };
             let add = |(lane, start): (LaneId, f64)| {
                 let front_m = under.front_s - start;
-                self.add(lane, LaneOccupant { vehicle, front_m, rear_m: under.rear_s - start });
+                self.add(lane, LaneOccupant { front_m, rear_m: under.rear_s - start, known });
             };
             if !under.is_on_route {
-                self.add_obstacle((map, lanes), vehicle, &cavs[vehicle]);
+                self.add_obstacle((map, lanes), known, &cavs[vehicle]);
             } else if let Some(lanes) = under.lanes.get(..under.count) {
                 lanes.iter().copied().for_each(add);
             } else {
                 lanes_under(&cavs[vehicle]).for_each(add);
             }
             if under.is_on_route && under.hangs_over {
-                self.add_overhang(map, vehicle, &cavs[vehicle]);
+                self.add_overhang(map, known, &cavs[vehicle]);
             }
         }
     }
 
     /// Adds a vehicle that hangs over an end of its route to the lanes that lead to the first of it and from the last:
     /// those may be on the routes of others.
-    fn add_overhang(&mut self, map: &LabMap, vehicle: usize, cav: &Cav) {
+    fn add_overhang(&mut self, map: &LabMap, known: Occupant, cav: &Cav) {
         let (route, front_s, rear_s) = (&cav.route, cav.front_s(), cav.rear_s());
         let [Some(&first), Some(&last)] = [route.lanes().first(), route.lanes().last()] else { return };
         let mut add = |lane, start: f64| {
-            self.add(lane, LaneOccupant { vehicle, front_m: front_s - start, rear_m: rear_s - start });
+            self.add(lane, LaneOccupant { front_m: front_s - start, rear_m: rear_s - start, known });
         };
         if rear_s < 0.0 {
             map.lane(first).predecessors.iter().for_each(|&lane| add(lane, -map.lane(lane).curve.length()));
@@ -156,12 +176,12 @@ impl Occupancy {
     }
 
     /// Adds a vehicle that is on no lane, or across some, to all lanes within reach.
-    fn add_obstacle(&mut self, (map, lanes): (&LabMap, &LaneIndex), vehicle: usize, cav: &Cav) {
+    fn add_obstacle(&mut self, (map, lanes): (&LabMap, &LaneIndex), known: Occupant, cav: &Cav) {
         let reach_m = cav.body.length_m / 2.0;
         for lane in lanes.near(cav.pose.position, reach_m + OBSTACLE_MARGIN_M) {
             let foot = map.lane(lane).curve.project(cav.pose.position);
             if foot.distance < reach_m + OBSTACLE_MARGIN_M {
-                self.add(lane, LaneOccupant { vehicle, front_m: foot.s + reach_m, rear_m: foot.s - reach_m });
+                self.add(lane, LaneOccupant { front_m: foot.s + reach_m, rear_m: foot.s - reach_m, known });
             }
         }
     }
@@ -182,19 +202,20 @@ impl Occupancy {
     pub fn leader(&self, cavs: &[Cav], own: usize, within_m: f64) -> Option<Leader> {
         let cav = &cavs[own];
         let front_s = cav.front_s();
-        let mut nearest: Option<(usize, f64)> = None;
+        let mut nearest: Option<(Occupant, f64)> = None;
         // In dense traffic the leader is near, and nothing that begins behind it is looked at.
-        let is_beyond = |start: f64, nearest: Option<(usize, f64)>| {
+        let is_beyond = |start: f64, nearest: Option<(Occupant, f64)>| {
             nearest.is_some_and(|(_, least)| start + self.least_rear_m >= least)
         };
         let consider =
-            |nearest: &mut Option<(usize, f64)>, vehicle: usize, other_front_s: f64, rear_s: f64| {
+            |nearest: &mut Option<(Occupant, f64)>, known: Occupant, other_front_s: f64, rear_s: f64| {
+                let vehicle = known.vehicle as usize;
                 let is_ahead = other_front_s > front_s || (other_front_s == front_s && vehicle < own);
                 if vehicle == own || !is_ahead || rear_s > front_s + within_m {
                     return;
                 }
                 if nearest.is_none_or(|(_, least)| rear_s < least) {
-                    *nearest = Some((vehicle, rear_s));
+                    *nearest = Some((known, rear_s));
                 }
             };
         let route = &cav.route;
@@ -204,7 +225,7 @@ impl Occupancy {
                 break;
             }
             for other in &self.on_lane[route.lanes()[index].index()] {
-                consider(&mut nearest, other.vehicle, start + other.front_m, start + other.rear_m);
+                consider(&mut nearest, other.known, start + other.front_m, start + other.rear_m);
             }
         }
         for fork in route.diverging_from(front_s - FORK_REACH_M) {
@@ -217,13 +238,13 @@ impl Occupancy {
             for other in &self.on_lane[fork.other.index()] {
                 if other.rear_m < fork.other_to_m {
                     let (other_front_s, rear_s) = (fork.from_s + other.front_m, fork.from_s + other.rear_m);
-                    consider(&mut nearest, other.vehicle, other_front_s, rear_s);
+                    consider(&mut nearest, other.known, other_front_s, rear_s);
                 }
             }
         }
-        nearest.map(|(vehicle, rear_s)| {
-            let ahead = LeaderState { gap_m: rear_s - front_s, speed_mps: cavs[vehicle].speed_along_mps() };
-            Leader { vehicle, rear_s, ahead }
+        nearest.map(|(known, rear_s)| {
+            let ahead = LeaderState { gap_m: rear_s - front_s, speed_mps: known.speed_mps };
+            Leader { vehicle: known.vehicle as usize, id: known.id, rear_s, ahead }
         })
     }
 
@@ -248,9 +269,10 @@ impl Occupancy {
             }
             for other in &self.on_lane[route.lanes()[index].index()] {
                 let (rear_s, front_s) = (start + other.rear_m, start + other.front_m);
-                let is_there = front_s > from_s && rear_s < from_s + within_m && other.vehicle != own;
-                if is_there && nearest.is_none_or(|(_, least)| rear_s < least) && counts(other.vehicle) {
-                    nearest = Some((other.vehicle, rear_s));
+                let vehicle = other.known.vehicle as usize;
+                let is_there = front_s > from_s && rear_s < from_s + within_m && vehicle != own;
+                if is_there && nearest.is_none_or(|(_, least)| rear_s < least) && counts(vehicle) {
+                    nearest = Some((vehicle, rear_s));
                 }
             }
         }

@@ -191,6 +191,11 @@ impl<F: Frame> Curve<F> {
         self.stations[self.segments.len()]
     }
 
+    /// Arc length at the start of each segment, and the whole length at the end.
+    pub fn stations(&self) -> &[f64] {
+        &self.stations
+    }
+
     /// Arc length at which segment `index` starts.
     ///
     /// # Panics

@@ -3,10 +3,12 @@
 use super::Cav;
 use crate::plan::HORIZON_S;
 use crate::traffic::{FORK_REACH_M, Occupancy};
-use city3d_workers::prefetch;
+use city3d_geometry::Lab;
+use city3d_roadmap::{LabMap, Lane};
+use city3d_workers::{prefetch, prefetch_slice};
 
 /// Places before its turn at which a vehicle is asked for, then its route, then the places on it, what those lead to, and what is
-/// on the lanes there: each leads to the next.
+/// on the lanes there or how they run: each leads to the next.
 const VEHICLE_AHEAD: usize = 12;
 const ROUTE_AHEAD: usize = 8;
 const PLACES_AHEAD: usize = 4;
@@ -17,11 +19,11 @@ const TRAFFIC_AHEAD: usize = 1;
 #[derive(Clone, Copy)]
 pub(crate) enum Reads<'o> {
     /// Where they are, by their poses, and the junctions there.
-    Junctions,
-    /// The same, and who is on the lanes there.
+    Junctions(&'o LabMap),
+    /// The junctions, and who is on the lanes there.
     Traffic(&'o Occupancy),
     /// Their way of the next seconds.
-    Way,
+    Way(&'o LabMap),
 }
 
 /// Asks for what vehicles soon after this place read.
@@ -34,33 +36,42 @@ pub(crate) fn fetch_ahead(cavs: &[Cav], place: usize, reads: Reads<'_>) {
     coming(VEHICLE_AHEAD).for_each(prefetch);
     coming(ROUTE_AHEAD).for_each(|cav| cav.fetch_route(reads));
     coming(PLACES_AHEAD).for_each(|cav| cav.fetch_places(reads));
-    match reads {
-        Reads::Junctions => coming(JUNCTIONS_AHEAD).for_each(Cav::fetch_junctions),
-        Reads::Traffic(occupancy) => {
-            coming(JUNCTIONS_AHEAD).for_each(|cav| {
-                cav.fetch_junctions();
-                cav.fetch_forks();
-                occupancy.fetch_lanes(cav);
-            });
-            coming(TRAFFIC_AHEAD).for_each(|cav| occupancy.fetch_lists(cav));
+    coming(JUNCTIONS_AHEAD).for_each(|cav| match reads {
+        Reads::Junctions(map) => {
+            cav.fetch_junctions();
+            cav.lanes_there(map).for_each(prefetch);
         }
-        Reads::Way => {}
-    }
+        Reads::Traffic(occupancy) => {
+            cav.fetch_junctions();
+            cav.fetch_forks();
+            occupancy.fetch_lanes(cav);
+        }
+        Reads::Way(map) => cav.lanes_there(map).for_each(prefetch),
+    });
+    coming(TRAFFIC_AHEAD).for_each(|cav| match reads {
+        Reads::Traffic(occupancy) => occupancy.fetch_lists(cav),
+        Reads::Junctions(map) | Reads::Way(map) => {
+            for lane in cav.lanes_there(map) {
+                prefetch_slice(lane.curve.segments());
+                prefetch_slice(lane.curve.stations());
+            }
+        }
+    });
 }
 
 impl Cav {
     fn fetch_route(&self, reads: Reads<'_>) {
         prefetch(&*self.route);
-        if let (Reads::Junctions, Some(estimate)) = (reads, &self.estimate) {
+        if let (Reads::Junctions(_), Some(estimate)) = (reads, &self.estimate) {
             prefetch(&**estimate);
         }
         self.passage.admissions.first().into_iter().for_each(prefetch);
     }
 
     fn fetch_places(&self, reads: Reads<'_>) {
-        let way_s = if matches!(reads, Reads::Way) { HORIZON_S } else { 0.0 };
+        let way_s = if matches!(reads, Reads::Way(_)) { HORIZON_S } else { 0.0 };
         self.route.fetch(self.axle_s, self.speed_mps * way_s, self.lane_index);
-        if !matches!(reads, Reads::Way) {
+        if !matches!(reads, Reads::Way(_)) {
             self.route.fetch_sections(self.passage.first_section(), self.passage.next_section);
         }
         if matches!(reads, Reads::Traffic(_)) {
@@ -70,6 +81,12 @@ impl Cav {
 
     fn fetch_junctions(&self) {
         self.route.fetch_crossings(self.passage.first_section());
+    }
+
+    /// The lane under its rear, and the one after it.
+    fn lanes_there<'m>(&self, map: &'m LabMap) -> impl Iterator<Item = &'m Lane<Lab>> {
+        let ahead = self.route.lanes().iter().skip(self.lane_index);
+        ahead.take(2).map(|lane| map.lane(*lane))
     }
 
     fn fetch_forks(&self) {
