@@ -165,9 +165,11 @@ impl Path {
         let begin = self.nodes.iter().take_while(|node| node.station < from).count().saturating_sub(1);
         let mut best = NearestSearch { cost: f64::INFINITY, within_m: f64::INFINITY, nearest: None };
         let stretch = &self.nodes[begin..];
-        let to_middles = MiddleDistances::of(stretch, point, to);
+        let count = stretch.windows(2).take_while(|ends| ends[0].station <= to).count();
+        let spans = || stretch.windows(2).take(count);
+        let to_middle = |ends: &[PathNode]| middle(&ends[0], &ends[1]).distance_squared(point);
         // The likeliest span first: it bounds the search in the others.
-        if let Some(likeliest) = to_middles.least {
+        if let Some(likeliest) = least(spans().map(to_middle)) {
             let nearest_of = |index: usize| {
                 let (from, to) = (&stretch[index], &stretch[index + 1]);
                 let span = CubicSpan::between(from, to);
@@ -175,13 +177,8 @@ impl Path {
             };
             let (distance_squared, nearest) = nearest_of(likeliest);
             best.offer(distance_squared, nearest, forward);
-            for (index, ends) in stretch.windows(2).take(to_middles.count).enumerate() {
-                let (from, to) = (&ends[0], &ends[1]);
-                let is_within = || {
-                    let to_middle = to_middles.squared(index, (from, to), point);
-                    may_be_within((from, to), point, to_middle, best.within_m)
-                };
-                if index != likeliest && is_within() {
+            for (index, ends) in spans().enumerate() {
+                if index != likeliest && may_be_within(&ends[0], &ends[1], point, best.within_m) {
                     let (distance_squared, nearest) = nearest_of(index);
                     best.offer(distance_squared, nearest, forward);
                 }
@@ -217,65 +214,26 @@ fn middle(from: &PathNode, to: &PathNode) -> DVec2 {
     from.pose.position + (to.pose.position - from.pose.position) / 2.0
 }
 
-/// So many spans a search seldom exceeds.
-const SPANS: usize = 32;
-
-/// Squared distances of a point from the middles of the spans of a stretch, up to the one that a station lies on.
-struct MiddleDistances {
-    count: usize,
-    /// Index of the first of the least.
-    least: Option<usize>,
-    /// Of the first ones.
-    squared: [f64; SPANS],
-}
-
-impl MiddleDistances {
-    fn of(stretch: &[PathNode], point: DVec2, to: f64) -> Self {
-        let mut found = Self { count: 0, least: None, squared: [0.0; SPANS] };
-        let mut least = f64::INFINITY;
-        for ends in stretch.windows(2) {
-            if ends[0].station > to {
-                break;
-            }
-            let squared = middle(&ends[0], &ends[1]).distance_squared(point);
-            if found.least.is_none() || squared < least {
-                (found.least, least) = (Some(found.count), squared);
-            }
-            if let Some(kept) = found.squared.get_mut(found.count) {
-                *kept = squared;
-            }
-            found.count += 1;
-        }
-        found
-    }
-
-    /// That of a span, between two nodes.
-    fn squared(&self, index: usize, (from, to): (&PathNode, &PathNode), point: DVec2) -> f64 {
-        let kept = self.squared.get(index).copied();
-        kept.unwrap_or_else(|| middle(from, to).distance_squared(point))
-    }
-}
-
 /// Whether the span between two nodes may have a point within a distance of `point`: false only where it certainly has none,
-/// by the plane across each end of its chord and by the circle around its middle, from which the squared distance of the point is
-/// given. Neither root nor quotient.
-fn may_be_within(
-    (from, to): (&PathNode, &PathNode),
-    point: DVec2,
-    to_middle_squared: f64,
-    within_m: f64,
-) -> bool {
+/// by the plane across each end of its chord and by the circle around its middle. Neither root nor quotient.
+fn may_be_within(from: &PathNode, to: &PathNode, point: DVec2, within_m: f64) -> bool {
     let within_m = within_m + ROUNDING_M;
     // A bound on the distance of the cubic from the middle of its chord: even at the largest slopes it stays within a third of
     // the chord's length of the chord, and the chord is no longer than the arc.
     let reach_m = within_m + (0.5 + 1.0 / 3.0) * (to.station - from.station);
-    if to_middle_squared > reach_m * reach_m {
+    if middle(from, to).distance_squared(point) > reach_m * reach_m {
         return false;
     }
     let chord = to.pose.position - from.pose.position;
     // Over the length of the chord; positive outside.
     let outside = (point - to.pose.position).dot(chord).max((from.pose.position - point).dot(chord));
     outside <= 0.0 || outside * outside <= within_m * within_m * chord.length_squared()
+}
+
+/// Index of the first of the least numbers.
+fn least(numbers: impl Iterator<Item = f64>) -> Option<usize> {
+    let smaller = |best: (usize, f64), next: (usize, f64)| if next.1 < best.1 { next } else { best };
+    numbers.enumerate().reduce(smaller).map(|(index, _)| index)
 }
 
 /// Penalty for a branch in another direction, m2.
