@@ -94,10 +94,11 @@ impl ShownSignals {
     }
 }
 
-/// Without whether the clock runs: a world that is paused has no ticks. Without the signals: an aspect moves no
-/// vehicle, for the control framework decides who goes, and the trajectories that come of it are covered.
+/// Writes the states of vehicles into a snapshot and begins the digest of the world with them, for they are read for both;
+/// [`Collisions`] end it.
 ///
-/// This is the part before the collisions, and writes the states of vehicles into a snapshot: they are read for both.
+/// The digest is without whether the clock runs: a world that is paused has no ticks. And without the signals: an aspect moves
+/// no vehicle, for the control framework decides who goes, and the trajectories that come of it are covered.
 fn describe_vehicles(
     tick: u64,
     (vehicles, physics): (&[SimVehicle], &Physics),
