@@ -5,7 +5,7 @@ set -euo pipefail
 cd "$(dirname "$0")/.."
 source scripts/setup.sh
 
-# What incremental builds keep, as large as the build itself, is of use only where somebody builds again.
+# Data for incremental builds is as large as the build itself, and helps only a later build.
 if [ "${CI:-}" = true ]; then
     export CARGO_INCREMENTAL=0
 fi
