@@ -66,7 +66,7 @@ impl Mainframe {
                     group.measured += 1;
                 }
                 cav.advance_to(time_s);
-                group.under.push(LanesUnder::of(cav));
+                group.under.push(LanesUnder::of(vehicle, cav));
                 if is_noted {
                     right_of_way.note(time_s, signals, (vehicle, cav), &mut group.presence);
                 }

@@ -1,6 +1,7 @@
 //! The trajectory message to a vehicle: its plan over the next seconds.
 
 use super::cav::Yielding;
+use super::coordination::MotionPlan;
 use super::route::RouteWalk;
 use super::{Cav, turn_of};
 use city3d_geometry::lab::Pose2;
@@ -28,6 +29,8 @@ pub const SIDE_BY_SIDE: usize = 4;
 pub struct PlanAhead {
     trajectory: Trajectory<Lab>,
     now_s: f64,
+    /// Offset up to which its coordinated plan lasts, where it follows one.
+    planned_until_s: f64,
     /// Arc length at which the vehicle waits.
     wait_s: f64,
     /// At the last waypoint.
@@ -48,10 +51,12 @@ impl PlanAhead {
         cav.note_arrival();
         trajectory.finished = cav.is_finished();
         trajectory.indicator = cav.indicator;
+        let planned_until_s = followed_plan(cav).map_or(f64::NEG_INFINITY, |plan| plan.end().time_s - now_s);
         // A vehicle follows its last trajectory until the link times out: the end has to lie before the place of waiting.
         let wait_s = cav.axle_s() + cav.wait_m;
         let (s, speed_mps) = (cav.plan.axle_s, cav.plan.speed_mps);
-        Self { trajectory, now_s, wait_s, s, speed_mps, offset_s: 0.0, walk: cav.route.walk(s) }
+        let walk = cav.route.walk(s);
+        Self { trajectory, now_s, planned_until_s, wait_s, s, speed_mps, offset_s: 0.0, walk }
     }
 
     /// Makes the trajectories of several vehicles.
@@ -71,9 +76,8 @@ impl PlanAhead {
     }
 
     fn add_waypoint(&mut self, map: &LabMap, cav: &Cav, offset_s: f64) {
-        let coordinated = cav.coordinated_plan().filter(|_| cav.coordination.follows_plan);
-        match coordinated {
-            Some(plan) if offset_s <= plan.end().time_s - self.now_s => {
+        match followed_plan(cav) {
+            Some(plan) if offset_s <= self.planned_until_s => {
                 let here = plan.at(self.now_s + offset_s);
                 (self.s, self.speed_mps) = (here.position_m, here.speed_mps);
             }
@@ -101,6 +105,11 @@ impl PlanAhead {
         self.s += (speed_mps + next_mps) / 2.0 * dt_s;
         self.speed_mps = next_mps;
     }
+}
+
+/// The coordinated plan of a vehicle that follows it.
+fn followed_plan(cav: &Cav) -> Option<&MotionPlan> {
+    cav.coordinated_plan().filter(|_| cav.coordination.follows_plan)
 }
 
 /// Trajectory for a vehicle on no lane: straight on to a stop, with hazard lights.

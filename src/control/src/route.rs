@@ -233,7 +233,11 @@ impl Route {
 
     /// The point at an arc length, extended straight beyond the ends.
     pub fn at(&self, map: &LabMap, s: f64) -> CurvePoint {
-        let index = self.index_at(s);
+        self.point_on(map, self.index_at(s), s)
+    }
+
+    /// The point at an arc length, which lies on the lane at `index`.
+    fn point_on(&self, map: &LabMap, index: usize, s: f64) -> CurvePoint {
         map.lane(self.lanes[index]).curve.at(s - self.stations[index])
     }
 
@@ -434,16 +438,6 @@ pub fn turn_of(map: &LabMap, lane: LaneId) -> f64 {
     map.turn_of(lane)
 }
 
-/// Speed profile: squares of the allowed speed, sampled along the route.
-#[derive(Clone, Debug, Default, PartialEq)]
-struct SpeedProfile {
-    squares: Vec<f64>,
-}
-
-const PROFILE_STEP_M: f64 = 0.02;
-/// Share of u_min for braking before bends: tracking keeps a reserve.
-const BEND_BRAKING: f64 = 0.6;
-
 /// A walk along a route: its points at arc lengths that do not decrease, cheaper than [`Route::at`] for each.
 #[derive(Clone, Copy, Debug)]
 pub struct RouteWalk {
@@ -455,9 +449,19 @@ impl RouteWalk {
     /// The point at an arc length of the route, no less than the one before.
     pub fn at(&mut self, map: &LabMap, route: &Route, s: f64) -> CurvePoint {
         self.index = route.index_from(self.index, s);
-        map.lane(route.lanes[self.index]).curve.at(s - route.stations[self.index])
+        route.point_on(map, self.index, s)
     }
 }
+
+/// Speed profile: squares of the allowed speed, sampled along the route.
+#[derive(Clone, Debug, Default, PartialEq)]
+struct SpeedProfile {
+    squares: Vec<f64>,
+}
+
+const PROFILE_STEP_M: f64 = 0.02;
+/// Share of u_min for braking before bends: tracking keeps a reserve.
+const BEND_BRAKING: f64 = 0.6;
 
 impl SpeedProfile {
     fn new(map: &LabMap, route: &Route, body: CavGeometry, driver: &DriverParams) -> Self {

@@ -11,11 +11,11 @@ use city3d_workers::{prefetch_at, prefetch_slice};
 struct LaneOccupant {
     front_m: f64,
     rear_m: f64,
-    known: Occupant,
+    occupant: Occupant,
 }
 
 /// What others need to know of a vehicle: the vehicle itself is elsewhere in memory.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug)]
 struct Occupant {
     /// Index in the list of vehicles.
     vehicle: u32,
@@ -37,8 +37,7 @@ pub struct Occupancy {
 pub struct LanesUnder {
     is_seen: bool,
     is_on_route: bool,
-    id: VehicleId,
-    speed_mps: f64,
+    occupant: Occupant,
     front_s: f64,
     rear_s: f64,
     /// Hangs over the beginning or the end of its route.
@@ -49,35 +48,18 @@ pub struct LanesUnder {
     lanes: [(LaneId, f64); 3],
 }
 
-impl Default for LanesUnder {
-    fn default() -> Self {
-        let lanes = [(LaneId(0), 0.0); 3];
-        Self {
-            is_seen: false,
-            is_on_route: false,
-            id: VehicleId::default(),
-            speed_mps: 0.0,
-            front_s: 0.0,
-            rear_s: 0.0,
-            hangs_over: false,
-            count: 0,
-            lanes,
-        }
-    }
-}
-
 impl LanesUnder {
-    /// Of a vehicle where it is.
-    pub fn of(cav: &Cav) -> Self {
+    /// Of the vehicle at an index, where it is.
+    pub fn of(vehicle: usize, cav: &Cav) -> Self {
         let mut under = Self {
             is_seen: cav.is_seen(),
             is_on_route: cav.is_on_route(),
-            id: cav.id,
-            speed_mps: cav.speed_along_mps(),
+            occupant: Occupant { vehicle: vehicle as u32, id: cav.id, speed_mps: cav.speed_along_mps() },
             front_s: cav.front_s(),
             rear_s: cav.rear_s(),
             hangs_over: cav.rear_s() < 0.0 || cav.front_s() > cav.route.length(),
-            ..Self::default()
+            count: 0,
+            lanes: [(LaneId(0), 0.0); 3],
         };
         if under.is_on_route {
             for (index, lane) in lanes_under(cav).enumerate() {
@@ -135,32 +117,33 @@ impl Occupancy {
         self.on_lane.resize_with(map.lanes.len(), Vec::new);
         self.on_lane.iter_mut().for_each(Vec::clear);
         self.least_rear_m = 0.0;
-        for (vehicle, under) in under.enumerate().filter(|(_, under)| under.is_seen) {
-            let known = Occupant { vehicle: vehicle as u32, id: under.id, speed_mps: under.speed_mps };
+        for under in under.filter(|under| under.is_seen) {
+            let occupant = under.occupant;
+            let vehicle = occupant.vehicle as usize;
             let add = |(lane, start): (LaneId, f64)| {
                 let front_m = under.front_s - start;
-                self.add(lane, LaneOccupant { front_m, rear_m: under.rear_s - start, known });
+                self.add(lane, LaneOccupant { front_m, rear_m: under.rear_s - start, occupant });
             };
             if !under.is_on_route {
-                self.add_obstacle((map, lanes), known, &cavs[vehicle]);
+                self.add_obstacle((map, lanes), occupant, &cavs[vehicle]);
             } else if let Some(lanes) = under.lanes.get(..under.count) {
                 lanes.iter().copied().for_each(add);
             } else {
                 lanes_under(&cavs[vehicle]).for_each(add);
             }
             if under.is_on_route && under.hangs_over {
-                self.add_overhang(map, known, &cavs[vehicle]);
+                self.add_overhang(map, occupant, &cavs[vehicle]);
             }
         }
     }
 
     /// Adds a vehicle that hangs over an end of its route to the lanes that lead to the first of it and from the last:
     /// those may be on the routes of others.
-    fn add_overhang(&mut self, map: &LabMap, known: Occupant, cav: &Cav) {
+    fn add_overhang(&mut self, map: &LabMap, occupant: Occupant, cav: &Cav) {
         let (route, front_s, rear_s) = (&cav.route, cav.front_s(), cav.rear_s());
         let [Some(&first), Some(&last)] = [route.lanes().first(), route.lanes().last()] else { return };
         let mut add = |lane, start: f64| {
-            self.add(lane, LaneOccupant { front_m: front_s - start, rear_m: rear_s - start, known });
+            self.add(lane, LaneOccupant { front_m: front_s - start, rear_m: rear_s - start, occupant });
         };
         if rear_s < 0.0 {
             map.lane(first).predecessors.iter().for_each(|&lane| add(lane, -map.lane(lane).curve.length()));
@@ -176,12 +159,15 @@ impl Occupancy {
     }
 
     /// Adds a vehicle that is on no lane, or across some, to all lanes within reach.
-    fn add_obstacle(&mut self, (map, lanes): (&LabMap, &LaneIndex), known: Occupant, cav: &Cav) {
+    fn add_obstacle(&mut self, (map, lanes): (&LabMap, &LaneIndex), occupant: Occupant, cav: &Cav) {
         let reach_m = cav.body.length_m / 2.0;
         for lane in lanes.near(cav.pose.position, reach_m + OBSTACLE_MARGIN_M) {
             let foot = map.lane(lane).curve.project(cav.pose.position);
             if foot.distance < reach_m + OBSTACLE_MARGIN_M {
-                self.add(lane, LaneOccupant { front_m: foot.s + reach_m, rear_m: foot.s - reach_m, known });
+                self.add(
+                    lane,
+                    LaneOccupant { front_m: foot.s + reach_m, rear_m: foot.s - reach_m, occupant },
+                );
             }
         }
     }
@@ -208,14 +194,14 @@ impl Occupancy {
             nearest.is_some_and(|(_, least)| start + self.least_rear_m >= least)
         };
         let consider =
-            |nearest: &mut Option<(Occupant, f64)>, known: Occupant, other_front_s: f64, rear_s: f64| {
-                let vehicle = known.vehicle as usize;
+            |nearest: &mut Option<(Occupant, f64)>, occupant: Occupant, other_front_s: f64, rear_s: f64| {
+                let vehicle = occupant.vehicle as usize;
                 let is_ahead = other_front_s > front_s || (other_front_s == front_s && vehicle < own);
                 if vehicle == own || !is_ahead || rear_s > front_s + within_m {
                     return;
                 }
                 if nearest.is_none_or(|(_, least)| rear_s < least) {
-                    *nearest = Some((known, rear_s));
+                    *nearest = Some((occupant, rear_s));
                 }
             };
         let route = &cav.route;
@@ -225,7 +211,7 @@ impl Occupancy {
                 break;
             }
             for other in &self.on_lane[route.lanes()[index].index()] {
-                consider(&mut nearest, other.known, start + other.front_m, start + other.rear_m);
+                consider(&mut nearest, other.occupant, start + other.front_m, start + other.rear_m);
             }
         }
         for fork in route.diverging_from(front_s - FORK_REACH_M) {
@@ -238,13 +224,13 @@ impl Occupancy {
             for other in &self.on_lane[fork.other.index()] {
                 if other.rear_m < fork.other_to_m {
                     let (other_front_s, rear_s) = (fork.from_s + other.front_m, fork.from_s + other.rear_m);
-                    consider(&mut nearest, other.known, other_front_s, rear_s);
+                    consider(&mut nearest, other.occupant, other_front_s, rear_s);
                 }
             }
         }
-        nearest.map(|(known, rear_s)| {
-            let ahead = LeaderState { gap_m: rear_s - front_s, speed_mps: known.speed_mps };
-            Leader { vehicle: known.vehicle as usize, id: known.id, rear_s, ahead }
+        nearest.map(|(occupant, rear_s)| {
+            let ahead = LeaderState { gap_m: rear_s - front_s, speed_mps: occupant.speed_mps };
+            Leader { vehicle: occupant.vehicle as usize, id: occupant.id, rear_s, ahead }
         })
     }
 
@@ -269,7 +255,7 @@ impl Occupancy {
             }
             for other in &self.on_lane[route.lanes()[index].index()] {
                 let (rear_s, front_s) = (start + other.rear_m, start + other.front_m);
-                let vehicle = other.known.vehicle as usize;
+                let vehicle = other.occupant.vehicle as usize;
                 let is_there = front_s > from_s && rear_s < from_s + within_m && vehicle != own;
                 if is_there && nearest.is_none_or(|(_, least)| rear_s < least) && counts(vehicle) {
                     nearest = Some((vehicle, rear_s));

@@ -52,7 +52,7 @@ impl<F: Frame> Pose2<F> {
         self.point_towards(self.forward(), ahead, left)
     }
 
-    /// [`Self::point_at`] where the [unit vector of the heading](Self::forward) is at hand: it is dear.
+    /// [`Self::point_at`] with the [unit vector of the heading](Self::forward), whose sine and cosine are then computed once.
     pub fn point_towards(&self, forward: DVec2, ahead: f64, left: f64) -> DVec2 {
         self.position + forward * ahead + forward.perp() * left
     }

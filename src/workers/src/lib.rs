@@ -186,9 +186,7 @@ impl Workers {
 
     /// Does two things at once, where a thread is [at hand](Self::at_hand), else one after the other.
     pub fn both<A, B: Send>(&self, one: impl FnOnce() -> A, other: impl FnOnce() -> B + Send) -> (A, B) {
-        let is_ready = |others: &&Arc<Others>| others.ready.load(Ordering::Relaxed) > 0;
-        let pool = self.others.as_ref().filter(is_ready).and_then(|others| others.pool());
-        let Some(pool) = pool else { return (one(), other()) };
+        let Some((pool, _)) = self.ready() else { return (one(), other()) };
         let (at_work, mut done) = (AtWork::default(), None);
         let first = pool.in_place_scope(|scope| {
             let done = &mut done;
@@ -201,6 +199,13 @@ impl Workers {
         (first, done.expect("the scope ends after both"))
     }
 
+    /// The threads at hand and how many they are; `None` where there are none.
+    fn ready(&self) -> Option<(&ThreadPool, usize)> {
+        let others = self.others.as_ref()?;
+        let ready = others.ready.load(Ordering::Relaxed);
+        if ready == 0 { None } else { others.pool().map(|pool| (pool, ready)) }
+    }
+
     /// The caller takes jobs from the front, the others from the back: in the next part of a step each finds most of what it
     /// had in its cache.
     fn share<I: DoubleEndedIterator + ExactSizeIterator + Send, B>(
@@ -210,11 +215,7 @@ impl Workers {
         work: impl Fn(&mut B, I::Item) + Sync,
     ) {
         let mut own = buffers();
-        let ready = self.others.as_ref().map(|others| (others, others.ready.load(Ordering::Relaxed)));
-        let Some((others, ready)) = ready.filter(|(_, ready)| *ready > 0) else {
-            return jobs.for_each(|job| work(&mut own, job));
-        };
-        let Some(pool) = others.pool() else { return jobs.for_each(|job| work(&mut own, job)) };
+        let Some((pool, ready)) = self.ready() else { return jobs.for_each(|job| work(&mut own, job)) };
         let (jobs, at_work) = (Mutex::new(jobs), AtWork::default());
         pool.in_place_scope(|scope| {
             for _ in 0..ready {

@@ -13,7 +13,7 @@ const VEHICLE_AHEAD: usize = 12;
 const ROUTE_AHEAD: usize = 8;
 const PLACES_AHEAD: usize = 4;
 const JUNCTIONS_AHEAD: usize = 2;
-const TRAFFIC_AHEAD: usize = 1;
+const LANES_AHEAD: usize = 1;
 
 /// What a part of a control step reads of vehicles.
 #[derive(Clone, Copy)]
@@ -48,7 +48,7 @@ pub(crate) fn fetch_ahead(cavs: &[Cav], place: usize, reads: Reads<'_>) {
         }
         Reads::Way(map) => cav.lanes_there(map).for_each(prefetch),
     });
-    coming(TRAFFIC_AHEAD).for_each(|cav| match reads {
+    coming(LANES_AHEAD).for_each(|cav| match reads {
         Reads::Traffic(occupancy) => occupancy.fetch_lists(cav),
         Reads::Junctions(map) | Reads::Way(map) => {
             for lane in cav.lanes_there(map) {

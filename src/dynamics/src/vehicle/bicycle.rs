@@ -91,12 +91,11 @@ impl VehicleModel for Bicycle {
         let chord: Pose2 = Pose2::at(self.rear.position, self.rear.yaw_rad + turn / 2.0);
         self.rear = Pose2::at(chord.point_at(mean * dt_s, 0.0), wrap_angle(self.rear.yaw_rad + turn));
         let d = &spec.dimensions;
-        let headings = steering.headings;
         for (wheel, spin) in self.spins_rad.iter_mut().enumerate() {
             let side = if wheel % 2 == 0 { -d.track_m / 2.0 } else { d.track_m / 2.0 };
             let along = mean * dt_s + turn * side;
             // A steered front wheel is faster by 1 / cos of its angle.
-            let along = if wheel < 2 { along / headings[wheel].x } else { along };
+            let along = if wheel < 2 { along / steering.headings[wheel].x } else { along };
             *spin += along / d.wheel_radius_m;
         }
         let (middle, _) = self.middle(spec);
